@@ -1,0 +1,2 @@
+// SPDX-FileCopyrightText: Swatchwork contributors
+// SPDX-License-Identifier: MIT
