@@ -4,29 +4,37 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 DEMO ?= demo
-RUST_SOURCES := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml
+RUST_SOURCES := Cargo.toml Cargo.lock $(shell find crates -name target -prune -o \( -name '*.rs' -o -name Cargo.toml \) -print)
+# Recipes run with the environment's tools first; an activated or conda environment must not win over it.
+VENV_ENV := env -u CONDA_PREFIX VIRTUAL_ENV="$(CURDIR)/$(VENV)"
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint bench clean
+.PHONY: help setup demo test lint format bench picture clean
 
 help: ## list what there is to make
 	@awk -F':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
-$(BIN)/maturin: pyproject.toml
-	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --upgrade pip 'maturin>=1.16,<2'
-	touch $@
-
-$(VENV)/.installed: pyproject.toml $(RUST_SOURCES) | $(BIN)/maturin
-	VIRTUAL_ENV=$(CURDIR)/$(VENV) $(BIN)/maturin develop --release --quiet --extras dev
-	touch $@
-
 setup: $(VENV)/.installed ## make .venv with the package and its tools, from nothing
 
+# The stamps: .tools is newer than what it was made from, .installed than the Rust it was built from.
+$(VENV)/.tools: pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+	  || { echo "Python 3.11 or newer is needed; say which: make setup PYTHON=python3.12"; exit 1; }
+	@command -v cargo >/dev/null || { echo "Rust is needed: cargo was not found (https://rustup.rs)"; exit 1; }
+	@test -x $(BIN)/python || scripts/quiet "setup: making $(VENV)" $(PYTHON) -m venv $(VENV)
+	@scripts/quiet "setup: installing the build tool" $(BIN)/python -m pip install --disable-pip-version-check 'maturin>=1.16,<2'
+	@touch $@
+
+$(VENV)/.installed: pyproject.toml $(RUST_SOURCES) $(VENV)/.tools
+	@scripts/quiet "setup: compiling the core, installing the package (1 to 3 minutes at first)" \
+	  $(VENV_ENV) $(BIN)/maturin develop --release --extras dev
+	@touch $@
+
 demo: setup ## make a capture, recover its material, relight it, open demo/report.html
-	$(BIN)/swatchwork demo $(DEMO)
+	@$(BIN)/swatchwork demo $(DEMO)
 
 test: setup ## every test: the Rust core's, then Python's
+	@scripts/quiet "test: building the core's tests" cargo test --release --quiet -p swatchwork-core --no-run
 	cargo test --release --quiet -p swatchwork-core
 	$(BIN)/pytest -q
 
@@ -37,10 +45,18 @@ lint: setup ## formatting, types, floors, stub, clippy: warnings are errors
 	$(BIN)/python scripts/ci/check_floors.py
 	$(BIN)/python scripts/ci/check_stub.py
 	cargo fmt --all --check
-	cargo clippy --all-targets --quiet -- -D warnings
+	@scripts/quiet "lint: clippy" cargo clippy --workspace --all-targets --quiet -- -D warnings
+
+format: setup ## format Python and Rust in place
+	$(BIN)/ruff check --fix-only --quiet .
+	$(BIN)/ruff format --quiet .
+	cargo fmt --all
 
 bench: setup ## time the kernels (criterion)
 	cargo bench -p swatchwork-core
+
+picture: setup ## make the README's picture, docs/picture.png, from the demo
+	$(BIN)/swatchwork demo $(DEMO) --picture docs/picture.png
 
 clean: ## remove what was built
 	rm -rf $(VENV) target $(DEMO)
