@@ -1,3 +1,32 @@
 # SPDX-FileCopyrightText: Swatchwork contributors
 # SPDX-License-Identifier: MIT
-"""."""
+"""Captures: photographs with cameras, a mesh, and the light they were taken under; readers and writers."""
+
+from swatchwork.capture.camera import Camera, rigid
+from swatchwork.capture.capture import CONVENTIONS, Capture, EnvironmentSource, Frame
+from swatchwork.capture.exr import read_exr_channels, write_exr, write_exr_channels
+from swatchwork.capture.images import Image, linear_from_srgb, read_image, write_png
+from swatchwork.capture.photograph import Photograph, check_radiance, read_mask, read_photograph
+from swatchwork.capture.transforms import read_capture, write_capture
+
+__all__ = [
+    "CONVENTIONS",
+    "Camera",
+    "Capture",
+    "EnvironmentSource",
+    "Frame",
+    "Image",
+    "Photograph",
+    "check_radiance",
+    "linear_from_srgb",
+    "read_capture",
+    "read_exr_channels",
+    "read_image",
+    "read_mask",
+    "read_photograph",
+    "rigid",
+    "write_capture",
+    "write_exr",
+    "write_exr_channels",
+    "write_png",
+]

@@ -1,0 +1,101 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""EXR files, channel by channel."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import OpenEXR
+
+from swatchwork.arrays import Float
+from swatchwork.errors import InputError, OutputError
+
+Channels = dict[str, npt.NDArray[Any]]
+
+
+def read_exr_channels(path: Path) -> Channels:
+    """All channels of an EXR file's first part by name, [H, W] each, as half, float or uint32.
+
+    A file cropped to a data window is filled up with zeros to its display window.
+
+    Raises:
+        InputError: the file is missing, truncated or not an EXR, or has subsampled channels.
+    """
+    with _opened(path, header_only=False) as file:
+        data, display = (np.array(file.header()[name]) for name in ("dataWindow", "displayWindow"))
+        channels: Channels = {}
+        for name, channel in file.channels().items():
+            if (channel.xSampling, channel.ySampling) != (1, 1):
+                raise InputError(
+                    f"channel {name} is subsampled {channel.xSampling}x{channel.ySampling}",
+                    file=path,
+                    expected="full-resolution channels",
+                    hint="Save it as plain RGB or RGBA",
+                )
+            channels[name] = np.array(channel.pixels)
+    if np.array_equal(data, display):
+        return channels
+    return {name: _in_display_window(pixels, data, display) for name, pixels in channels.items()}
+
+
+def exr_size(path: Path) -> tuple[int, int]:
+    """(width, height) of an EXR file's display window, from its header alone.
+
+    Raises:
+        InputError: the file is missing or not an EXR.
+    """
+    with _opened(path, header_only=True) as file:
+        low, high = file.header()["displayWindow"]
+    width, height = np.asarray(high, dtype=int) - np.asarray(low, dtype=int) + 1
+    return int(width), int(height)
+
+
+def write_exr_channels(path: Path, channels: Mapping[str, npt.NDArray[Any]]) -> None:
+    """Write [H, W] channels (float16, float32 or uint32, kept as they are), losslessly compressed.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    try:
+        with OpenEXR.File(header, {name: np.ascontiguousarray(c) for name, c in channels.items()}) as file:
+            file.write(str(path))
+    except (OSError, RuntimeError) as error:
+        raise OutputError(f"{path}: cannot be written ({error})") from error
+
+
+def write_exr(path: Path, pixels: Float, *, half: bool = False) -> None:
+    """Write [H, W, 3] RGB or [H, W, 4] RGBA (premultiplied) as float, or as half.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    stored = np.asarray(pixels, dtype=np.float16 if half else np.float32)
+    write_exr_channels(path, {name: stored[..., i] for i, name in enumerate("RGBA"[: stored.shape[-1]])})
+
+
+def _opened(path: Path, *, header_only: bool) -> Any:
+    if not path.is_file():
+        raise InputError("no such file", file=path, expected="an EXR image")
+    try:
+        return OpenEXR.File(str(path), separate_channels=True, header_only=header_only)
+    except Exception as error:
+        reason = str(error).replace(str(path), "").strip(" :\n") or "no reason given"
+        raise InputError(
+            f"cannot be read as EXR ({reason})", file=path, expected="a complete EXR image"
+        ) from error
+
+
+def _in_display_window(pixels: npt.NDArray[Any], data: Any, display: Any) -> npt.NDArray[Any]:
+    """The part of a data window's pixels that lies in the display window, zeros elsewhere."""
+    (dx0, dy0), (vx0, vy0), (vx1, vy1) = data[0], display[0], display[1]
+    canvas = np.zeros((vy1 - vy0 + 1, vx1 - vx0 + 1), dtype=pixels.dtype)
+    top, left = max(dy0, vy0), max(dx0, vx0)
+    part = pixels[top - dy0 : max(vy1 + 1 - dy0, 0), left - dx0 : max(vx1 + 1 - dx0, 0)]
+    canvas[top - vy0 : top - vy0 + part.shape[0], left - vx0 : left - vx0 + part.shape[1]] = part
+    return canvas

@@ -1,0 +1,303 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""`transforms.json`, the capture format of nerfstudio and NeRF-Blender with a mesh and an environment."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from swatchwork.capture.camera import Camera, rigid
+from swatchwork.capture.capture import CONVENTIONS, Capture, EnvironmentSource, Frame
+from swatchwork.capture.fields import Fields, path_within
+from swatchwork.capture.images import IMAGE_SUFFIXES, image_size
+from swatchwork.capture.photograph import size_error
+from swatchwork.errors import InputError, OutputError
+
+FORMAT_VERSION = 1
+"""What ``format_version`` may say; a file without the key is taken as this version."""
+
+CAMERA_MODELS = ("PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV")
+DISTORTION = ("k1", "k2", "p1", "p2")
+
+
+def read_capture(path: str | os.PathLike[str], *, require_images: bool = True) -> Capture:
+    """Read a capture: a folder with a ``transforms.json``, or such a file.
+
+    Args:
+        path: the folder or the JSON file.
+        require_images: False reads the cameras alone: mesh, environment and image files may be absent.
+
+    Raises:
+        InputError: something in the file, or a file it names, is missing or wrong; names file, frame,
+            value and what was expected. Image sizes are checked here, pixels when they are read.
+    """
+    file = Path(path)
+    if file.is_dir():
+        file = file / "transforms.json"
+    root = file.parent
+    fields = Fields(_parsed(file), str(file))
+    if "format_version" in fields and fields.raw("format_version") != FORMAT_VERSION:
+        raise InputError(
+            f'"format_version" is {fields.raw("format_version")!r}',
+            file=file,
+            expected=str(FORMAT_VERSION),
+            hint="The file was written for another version of swatchwork: update the one or the other",
+        )
+
+    # The scene.
+    mesh_path = None
+    if require_images or "mesh" in fields:
+        mesh_path = _scene_file(root, fields.text("mesh"), fields, "mesh", must_exist=require_images)
+    occluders = fields.items("occluders", [])
+    for occluder in occluders:
+        if not isinstance(occluder, str):
+            raise fields.error("occluders", occluders, "a list of mesh files")
+    occluder_paths = tuple(
+        _scene_file(root, o, fields, "occluders", must_exist=require_images) for o in occluders
+    )
+    environment = None
+    if "environment" in fields:
+        environment = _environment(root, fields, must_exist=require_images)
+
+    # The frames.
+    entries = fields.items("frames")
+    if not entries:
+        raise InputError('"frames" is empty', file=file, expected="at least one frame (k >= 1)")
+    frames: list[Frame] = []
+    seen: set[str] = set()
+    for number, entry in enumerate(entries):
+        frame = _frame(file, number, entry, fields, environment, must_exist=require_images)
+        if frame.name in seen:
+            raise InputError(
+                f'"file_path" {frame.name!r} occurs twice',
+                file=f"{file} (frame {number})",
+                expected="one frame an image",
+            )
+        seen.add(frame.name)
+        frames.append(frame)
+    return Capture(root, file, mesh_path, occluder_paths, environment, tuple(frames))
+
+
+def write_capture(capture: Capture, folder: str | os.PathLike[str]) -> Path:
+    """Write ``folder/transforms.json``, with paths relative to the folder; gives the file's path.
+
+    The files that the capture names must lie in the folder (mesh, occluders and environments also
+    beside it), since a capture refers to nothing else; nothing is copied.
+
+    Raises:
+        InputError: a file of the capture lies elsewhere.
+        OutputError: the file cannot be written; one that was there before is intact.
+    """
+    folder = Path(folder)
+    file = folder / "transforms.json"
+    document: dict[str, Any] = {"format_version": FORMAT_VERSION}
+    if capture.mesh_path is not None:
+        document["mesh"] = _relative(capture.mesh_path, folder, "mesh", above=1)
+    if capture.environment is not None:
+        document["environment"] = _environment_entry(capture.environment, folder)
+    if capture.occluder_paths:
+        document["occluders"] = [_relative(o, folder, "occluders", above=1) for o in capture.occluder_paths]
+    intrinsics = [_intrinsics_entry(frame.camera) for frame in capture.frames]
+    shared = all(entry == intrinsics[0] for entry in intrinsics)
+    if shared:
+        document |= intrinsics[0]
+    document["frames"] = []
+    for frame, own in zip(capture.frames, intrinsics, strict=True):
+        entry: dict[str, Any] = {"file_path": _relative(frame.image_path, folder, "file_path")}
+        if folder / os.path.normpath(frame.name) == frame.image_path.with_suffix(""):
+            entry["file_path"] = frame.name
+        entry["transform_matrix"] = frame.camera.world_from_camera.tolist()
+        if frame.mask_path is not None:
+            entry["mask_path"] = _relative(frame.mask_path, folder, "mask_path")
+        if frame.exposure != 1.0:
+            entry["exposure"] = frame.exposure
+        if frame.environment is not None and frame.environment is not capture.environment:
+            entry["environment"] = _environment_entry(frame.environment, folder)
+        document["frames"].append(entry if shared else entry | own)
+
+    partial = file.with_name(file.name + ".partial")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        partial.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+        partial.replace(file)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise OutputError(f"{file}: cannot be written ({error})") from error
+    return file
+
+
+def _parsed(file: Path) -> Any:
+    if not file.is_file():
+        raise InputError(
+            "no such file", file=file, expected="a capture folder with a transforms.json, or that file"
+        )
+    try:
+        return json.loads(file.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise InputError(
+            f"is not JSON ({error})", file=file, expected="a JSON object", hint="It may be truncated"
+        ) from error
+    except OSError as error:
+        raise InputError(f"cannot be read ({error})", file=file) from error
+
+
+def _frame(
+    file: Path, number: int, entry: Any, common: Fields, shared: EnvironmentSource | None, *, must_exist: bool
+) -> Frame:
+    root = file.parent
+    name = Fields(entry, f"{file} (frame {number})").text("file_path")
+    fields = Fields(entry, f"{file} (frame {number}, {name})", fallback=common)
+    image_path = _image_path(root, name, fields.where)
+    if must_exist and not image_path.is_file():
+        raise InputError(
+            f'"file_path" is {name!r}, and there is no {image_path}', file=fields.where, expected="an image"
+        )
+    camera = _camera(fields, image_path)
+    has_own_light = fields.values.get("environment") is not None
+    frame = Frame(
+        name=name,
+        image_path=image_path,
+        mask_path=_mask_path(root, fields, must_exist),
+        exposure=fields.number("exposure", 1.0, positive=True),
+        camera=camera,
+        environment=_environment(root, fields, must_exist) if has_own_light else shared,
+    )
+    if must_exist:
+        if frame.environment is None:
+            raise InputError(
+                'key "environment" is missing',
+                file=fields.where,
+                expected='an "environment" of the frame or of the capture',
+            )
+        size = image_size(image_path)
+        if size != (camera.width, camera.height):
+            raise size_error(f"{image_path} (frame {name})", *size, frame)
+    return frame
+
+
+def _camera(fields: Fields, image_path: Path) -> Camera:
+    """A frame's intrinsics over the file's; what neither has is filled in as NeRF-Blender means it."""
+    model = fields.raw("camera_model", "OPENCV")
+    if model not in CAMERA_MODELS or fields.raw("is_fisheye", False):
+        raise InputError(
+            f'"camera_model" is {model!r}' if model not in CAMERA_MODELS else '"is_fisheye" is true',
+            file=fields.where,
+            expected="one of " + ", ".join(CAMERA_MODELS),
+            hint="Undistort the photographs to a pinhole camera first",
+        )
+    for key in ("k3", "k4", "k5", "k6"):
+        if fields.number(key, 0.0) != 0:
+            raise fields.error(key, fields.raw(key), "0: the lens model has k1, k2, p1, p2")
+    if "w" in fields and "h" in fields:
+        width, height = fields.pixels("w"), fields.pixels("h")
+    elif image_path.is_file():
+        width, height = image_size(image_path)
+    else:
+        raise InputError(
+            'keys "w" and "h" are missing', file=fields.where, expected="the image size in pixels"
+        )
+    if "fl_x" in fields.values or ("fl_x" in fields and "camera_angle_x" not in fields.values):
+        fx = fields.number("fl_x", positive=True)
+        fy = fields.number("fl_y", fx, positive=True)
+    else:
+        if "camera_angle_x" not in fields:
+            raise InputError(
+                'keys "fl_x" and "camera_angle_x" are missing', file=fields.where, expected="one of the two"
+            )
+        angle_rad = fields.number("camera_angle_x", positive=True)
+        if angle_rad >= math.pi:
+            raise fields.error("camera_angle_x", angle_rad, "radians below pi")
+        fx = fy = 0.5 * width / math.tan(0.5 * angle_rad)
+    lens = {key: fields.number(key, 0.0) for key in DISTORTION}
+    cx, cy = fields.number("cx", width / 2), fields.number("cy", height / 2)
+    try:
+        return Camera(width, height, fx, fy, cx, cy, fields.matrix("transform_matrix"), **lens)
+    except InputError as error:
+        if error.file is not None:
+            raise
+        found = error.found.replace("pose", '"transform_matrix"')
+        raise InputError(found, file=fields.where, expected=error.expected, hint=error.hint) from error
+
+
+def _environment(root: Path, fields: Fields, must_exist: bool) -> EnvironmentSource:
+    entry = Fields(fields.values["environment"], f"{fields.where} (environment)")
+    convention = entry.raw("convention", None)
+    if convention not in CONVENTIONS:
+        raise InputError(
+            'key "convention" is missing' if convention is None else f'"convention" is {convention!r}',
+            file=entry.where,
+            expected="one of " + ", ".join(CONVENTIONS),
+        )
+    file = _scene_file(root, entry.text("file"), entry, "file", must_exist)
+    rotation = np.eye(3)
+    if "transform_matrix" in entry:
+        try:
+            rotation = rigid(entry.matrix("transform_matrix"), '"transform_matrix"')[:3, :3]
+        except InputError as error:
+            if error.file is not None:
+                raise
+            raise InputError(
+                error.found, file=entry.where, expected=error.expected, hint=error.hint
+            ) from error
+    return EnvironmentSource(file, convention, rotation)
+
+
+def _scene_file(root: Path, text: str, fields: Fields, key: str, must_exist: bool) -> Path:
+    """Mesh, occluder or environment; may lie one folder up, where a test set shares its capture's."""
+    path = path_within(root, text, fields.where, key, above=1)
+    if must_exist and not path.is_file():
+        raise InputError(
+            f'"{key}" is {text!r}, and there is no {path}', file=fields.where, expected="an existing file"
+        )
+    return path
+
+
+def _image_path(root: Path, name: str, where: str) -> Path:
+    """NeRF-Blender leaves the suffix out: the first image of that name that exists, or else PNG."""
+    path = path_within(root, name, where, "file_path")
+    if path.suffix.lower() in IMAGE_SUFFIXES or path.is_file():
+        return path
+    candidates = [path.with_name(path.name + suffix) for suffix in (".png", *IMAGE_SUFFIXES)]
+    return next((candidate for candidate in candidates if candidate.is_file()), candidates[0])
+
+
+def _mask_path(root: Path, fields: Fields, must_exist: bool) -> Path | None:
+    if fields.values.get("mask_path") is None:
+        return None
+    text = fields.text("mask_path")
+    path = path_within(root, text, fields.where, "mask_path")
+    if must_exist and not path.is_file():
+        raise InputError(
+            f'"mask_path" is {text!r}, and there is no {path}', file=fields.where, expected="an existing file"
+        )
+    return path
+
+
+def _relative(path: Path, folder: Path, key: str, *, above: int = 0) -> str:
+    text = Path(os.path.relpath(path, folder)).as_posix()
+    path_within(folder, text, f"{path}", key, above=above)
+    return text
+
+
+def _environment_entry(source: EnvironmentSource, folder: Path) -> dict[str, Any]:
+    entry: dict[str, Any] = {
+        "file": _relative(source.file, folder, "file", above=1),
+        "convention": source.convention,
+    }
+    if not np.array_equal(source.world_from_environment, np.eye(3)):
+        matrix = np.eye(4)
+        matrix[:3, :3] = source.world_from_environment
+        entry["transform_matrix"] = matrix.tolist()
+    return entry
+
+
+def _intrinsics_entry(camera: Camera) -> dict[str, Any]:
+    entry: dict[str, Any] = {"w": camera.width, "h": camera.height, "fl_x": camera.fx, "fl_y": camera.fy}
+    entry |= {"cx": camera.cx, "cy": camera.cy}
+    return entry | {key: getattr(camera, key) for key in DISTORTION if getattr(camera, key) != 0}
