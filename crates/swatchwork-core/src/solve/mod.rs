@@ -1,2 +1,12 @@
 // SPDX-FileCopyrightText: Swatchwork contributors
 // SPDX-License-Identifier: MIT
+
+//! The sparse solver (section 4): blend weights at every texel, representatives over all of them.
+
+pub mod blend;
+pub mod enumerate;
+pub mod exact;
+pub mod hull;
+pub mod nnls;
+pub mod problem;
+pub mod representatives;
