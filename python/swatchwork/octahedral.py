@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .arrays import F64, Float
+from swatchwork.arrays import F64, Float
 
 
 def square_from_direction(d: Float) -> F64:

@@ -1,3 +1,31 @@
 # SPDX-FileCopyrightText: Swatchwork contributors
 # SPDX-License-Identifier: MIT
-"""."""
+"""Surface: meshes, their atlas of texels, and what sees what."""
+
+from swatchwork.surface.atlas import Atlas, build_atlas, default_resolution, padded
+from swatchwork.surface.files import read_mesh
+from swatchwork.surface.mesh import Mesh, mesh_from_arrays, write_mesh_obj
+from swatchwork.surface.rays import GRAZING, Hit, RayScene, sees
+from swatchwork.surface.sky import SkyMasks, sky_masks
+from swatchwork.surface.unwrap import has_injective_uv, parametrised, unwrap, uv_problem
+
+__all__ = [
+    "GRAZING",
+    "Atlas",
+    "Hit",
+    "Mesh",
+    "RayScene",
+    "SkyMasks",
+    "build_atlas",
+    "default_resolution",
+    "has_injective_uv",
+    "mesh_from_arrays",
+    "padded",
+    "parametrised",
+    "read_mesh",
+    "sees",
+    "sky_masks",
+    "unwrap",
+    "uv_problem",
+    "write_mesh_obj",
+]
