@@ -1,3 +1,22 @@
 # SPDX-FileCopyrightText: Swatchwork contributors
 # SPDX-License-Identifier: MIT
-"""."""
+"""The rendering operator: responses of generic BRDFs and of representatives (Eqs. 1, 13, 14)."""
+
+from __future__ import annotations
+
+from swatchwork.response.operator import (
+    compiled,
+    generic_responses,
+    instruction_sets,
+    representative_responses,
+)
+from swatchwork.response.rings import DEFAULT_RINGS, Rings
+
+__all__ = [
+    "DEFAULT_RINGS",
+    "Rings",
+    "compiled",
+    "generic_responses",
+    "instruction_sets",
+    "representative_responses",
+]

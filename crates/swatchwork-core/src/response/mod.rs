@@ -1,2 +1,24 @@
 // SPDX-FileCopyrightText: Swatchwork contributors
 // SPDX-License-Identifier: MIT
+
+//! The rendering operator R_x of Eqs. 1, 13 and 14: what a camera sees of each generic kernel, or of
+//! each representative, at a surface point under a distant environment with self-shadowing.
+//!
+//! One set of half-vectors on log-polar rings about the normal serves every roughness, because a
+//! Beckmann lobe integrates over a ring in closed form: the lookups are made once a pair, and the
+//! kernels are a matrix over ring means.
+
+mod basis;
+mod block;
+mod diffuse;
+mod fold;
+mod lanes;
+mod octahedral;
+mod pyramid;
+mod run;
+
+pub use basis::{Basis, BasisError, DiffuseRow, Masking, Ring, SpecularRow};
+pub use fold::Folded;
+pub use octahedral::{direction_from_square, square_from_direction};
+pub use pyramid::{Pyramid, PyramidError};
+pub use run::{InstructionSet, Pairs, generic_responses, representative_responses};

@@ -1,0 +1,195 @@
+// SPDX-FileCopyrightText: Swatchwork contributors
+// SPDX-License-Identifier: MIT
+
+//! Mip pyramid of an environment on the octahedral square: every level halves the last by 2x2
+//! means, which are exact area means because the map preserves area.
+
+use super::octahedral::direction_from_square;
+
+/// Cells along a side of the sky masks, and of the level that diffuse kernels integrate.
+pub const CELLS: usize = 64;
+
+/// Why a raster cannot become a pyramid.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum PyramidError {
+    /// The side is not a power of two of at least 2.
+    Size(usize),
+    /// A value is NaN, infinite or negative; the index counts scalars.
+    Value(usize),
+}
+
+/// One level, with a border one texel wide so that no bilinear fetch has to wrap.
+#[derive(Debug, Clone, Copy)]
+pub struct Level {
+    /// Index of the level's first bordered texel in the pyramid's texels.
+    pub start: usize,
+    /// Texels along a side, without the border.
+    pub size: usize,
+}
+
+/// All levels of an environment, from the base down to a single texel.
+#[derive(Debug, Clone)]
+pub struct Pyramid {
+    pub(super) texels: Vec<[f32; 4]>,
+    pub(super) levels: Vec<Level>,
+    /// Radiance [3][CELLS * CELLS] and directions [3][CELLS * CELLS] of the sky-mask cells.
+    pub(super) cell_radiance: [Vec<f32>; 3],
+    pub(super) cell_direction: [Vec<f32>; 3],
+}
+
+impl Pyramid {
+    /// Builds the pyramid of area-mean radiance `base` [size, size, 3].
+    pub fn new(base: &[f32], size: usize) -> Result<Self, PyramidError> {
+        if !size.is_power_of_two() || size < 2 || base.len() != size * size * 3 {
+            return Err(PyramidError::Size(size));
+        }
+        if let Some(at) = base.iter().position(|v| !v.is_finite() || *v < 0.0) {
+            return Err(PyramidError::Value(at));
+        }
+        let mut raster: Vec<[f32; 3]> = base.chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect();
+        let cells = cells_of(&raster, size);
+        let (mut texels, mut levels) = (Vec::new(), Vec::new());
+        let mut side = size;
+        loop {
+            levels.push(Level {
+                start: texels.len(),
+                size: side,
+            });
+            push_bordered(&mut texels, &raster, side);
+            if side == 1 {
+                break;
+            }
+            raster = halved(&raster, side);
+            side /= 2;
+        }
+        let channel = |c: usize| cells.iter().map(|v| v[c]).collect::<Vec<f32>>();
+        let directions = cell_directions();
+        let axis = |c: usize| directions.iter().map(|d| d[c]).collect::<Vec<f32>>();
+        Ok(Self {
+            texels,
+            levels,
+            cell_radiance: [channel(0), channel(1), channel(2)],
+            cell_direction: [axis(0), axis(1), axis(2)],
+        })
+    }
+
+    /// Texels along a side of the base.
+    pub fn size(&self) -> usize {
+        self.levels[0].size
+    }
+
+    /// Mean radiance over the sphere.
+    pub fn mean(&self) -> [f32; 3] {
+        let top = &self.texels[self.levels[self.levels.len() - 1].start];
+        [top[0], top[1], top[2]]
+    }
+}
+
+/// 2x2 means of a raster of even side, in double precision per texel.
+fn halved(raster: &[[f32; 3]], side: usize) -> Vec<[f32; 3]> {
+    let half = side / 2;
+    let mut out = Vec::with_capacity(half * half);
+    for j in 0..half {
+        for i in 0..half {
+            let at = 2 * j * side + 2 * i;
+            let four = [at, at + 1, at + side, at + side + 1];
+            out.push([0, 1, 2].map(|c| 0.25 * four.iter().map(|&k| raster[k][c]).sum::<f32>()));
+        }
+    }
+    out
+}
+
+/// The raster at the resolution of the sky masks: area means, or repeats of a coarser base.
+fn cells_of(base: &[[f32; 3]], size: usize) -> Vec<[f32; 3]> {
+    let (mut raster, mut side) = (base.to_vec(), size);
+    while side > CELLS {
+        raster = halved(&raster, side);
+        side /= 2;
+    }
+    let repeat = CELLS / side;
+    (0..CELLS * CELLS)
+        .map(|k| raster[(k / CELLS / repeat) * side + (k % CELLS) / repeat])
+        .collect()
+}
+
+fn cell_directions() -> Vec<[f32; 3]> {
+    let centre = |k: usize| (k as f32 + 0.5) / CELLS as f32;
+    (0..CELLS * CELLS)
+        .map(|k| direction_from_square([centre(k % CELLS), centre(k / CELLS)]))
+        .collect()
+}
+
+/// Appends a level with its border: across an edge of the square the sphere goes on at the mirrored
+/// place of the same edge, and all four corners are the lower pole.
+fn push_bordered(texels: &mut Vec<[f32; 4]>, raster: &[[f32; 3]], side: usize) {
+    let n = side as isize;
+    for j in -1..=n {
+        for i in -1..=n {
+            let (mut p, mut q) = (i, j);
+            if p < 0 || p >= n {
+                (p, q) = (p.clamp(0, n - 1), n - 1 - q);
+            }
+            if q < 0 || q >= n {
+                (p, q) = (n - 1 - p, q.clamp(0, n - 1));
+            }
+            let [r, g, b] = raster[q as usize * side + p as usize];
+            texels.push([r, g, b, 0.0]);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn levels_keep_the_mean() {
+        let base: Vec<f32> = (0..32 * 32 * 3).map(|k| (k * 7919 % 101) as f32).collect();
+        let pyramid = Pyramid::new(&base, 32).unwrap();
+        let mean = base.iter().step_by(3).sum::<f32>() / 1024.0;
+        assert!((pyramid.mean()[0] - mean).abs() < 1e-3);
+        assert_eq!(pyramid.levels.len(), 6);
+    }
+
+    #[test]
+    fn border_continues_on_the_sphere() {
+        // A smooth function of direction must not jump across the border: the texel outside an
+        // edge is a neighbour on the sphere of the texel inside it.
+        let size = 64;
+        let mut base = Vec::new();
+        for j in 0..size {
+            for i in 0..size {
+                let at = |k: usize| (k as f32 + 0.5) / size as f32;
+                let d = direction_from_square([at(i), at(j)]);
+                base.extend_from_slice(&[d[0] + 1.0, d[1] + 1.0, d[2] + 1.0]);
+            }
+        }
+        let pyramid = Pyramid::new(&base, size).unwrap();
+        let stride = size + 2;
+        for k in 1..=size {
+            for (inside, outside) in [
+                (k * stride + 1, k * stride),
+                (k * stride + size, k * stride + size + 1),
+                (stride + k, k),
+                (size * stride + k, (size + 1) * stride + k),
+            ] {
+                for c in 0..3 {
+                    let jump = pyramid.texels[inside][c] - pyramid.texels[outside][c];
+                    // A texel is 0.055 across, and up to twice that where the map stretches.
+                    assert!(jump.abs() < 0.12, "{jump}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn refuses_what_is_not_radiance() {
+        assert_eq!(
+            Pyramid::new(&[0.0; 27], 3).unwrap_err(),
+            PyramidError::Size(3)
+        );
+        let mut base = [1.0; 12];
+        base[5] = f32::NAN;
+        assert_eq!(Pyramid::new(&base, 2).unwrap_err(), PyramidError::Value(5));
+    }
+}

@@ -1,0 +1,242 @@
+// SPDX-FileCopyrightText: Swatchwork contributors
+// SPDX-License-Identifier: MIT
+
+//! All pairs: blocks of sixteen over all cores, under the best instruction set of the machine.
+
+use super::basis::Basis;
+use super::block::{Frames, fifth_power, ring_means};
+use super::diffuse::cosine_integrals;
+use super::fold::{Folded, fold_kernels, fold_representatives, transpose};
+use super::lanes::{Array, LANES, Lanes, Plain, Sky};
+use super::pyramid::{CELLS, Pyramid};
+use rayon::prelude::*;
+
+/// Surface points and where they are seen from, all in the world frame. Slices have the same length.
+#[derive(Clone, Copy)]
+pub struct Pairs<'a> {
+    /// Unit shading normals.
+    pub normal: &'a [[f32; 3]],
+    /// Unit directions to the viewer.
+    pub to_viewer: &'a [[f32; 3]],
+    /// Row of each pair's sky mask, or -1 where all the sky is visible.
+    pub sky_row: &'a [i32],
+    /// Masks [Q, 64]; bit i of word j is the octahedral cell in row j and column i, 1 = visible.
+    pub sky: &'a [u64],
+}
+
+/// Instruction sets that the kernels are compiled for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum InstructionSet {
+    Baseline,
+    Avx2,
+    Avx512,
+}
+
+impl InstructionSet {
+    /// All of them, the best last.
+    pub const ALL: [Self; 3] = [Self::Baseline, Self::Avx2, Self::Avx512];
+
+    /// Whether this machine has it.
+    pub fn available(self) -> bool {
+        #[cfg(target_arch = "x86_64")]
+        {
+            match self {
+                Self::Baseline => true,
+                Self::Avx2 => {
+                    is_x86_feature_detected!("avx2")
+                        && is_x86_feature_detected!("fma")
+                        && is_x86_feature_detected!("f16c")
+                }
+                Self::Avx512 => {
+                    Self::Avx2.available()
+                        && is_x86_feature_detected!("avx512f")
+                        && is_x86_feature_detected!("avx512bw")
+                        && is_x86_feature_detected!("avx512dq")
+                        && is_x86_feature_detected!("avx512vl")
+                }
+            }
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        {
+            self == Self::Baseline
+        }
+    }
+
+    /// The best one this machine has.
+    pub fn best() -> Self {
+        Self::ALL
+            .into_iter()
+            .rev()
+            .find(|set| set.available())
+            .unwrap_or(Self::Baseline)
+    }
+}
+
+/// What a block is reduced to.
+enum Reduction<'a> {
+    Kernels,
+    Representatives(&'a Folded),
+}
+
+/// Everything a block needs.
+struct Job<'a> {
+    basis: &'a Basis,
+    pyramid: &'a Pyramid,
+    pairs: Pairs<'a>,
+    reduction: Reduction<'a>,
+}
+
+/// Responses `out` [P, J, 3] of the generic kernels (Eq. 13).
+pub fn generic_responses(
+    basis: &Basis,
+    pyramid: &Pyramid,
+    pairs: Pairs,
+    set: InstructionSet,
+    out: &mut [f32],
+) {
+    run(
+        &Job {
+            basis,
+            pyramid,
+            pairs,
+            reduction: Reduction::Kernels,
+        },
+        basis.kernels() * 3,
+        set,
+        out,
+    );
+}
+
+/// Responses `out` [P, N, 3] of representatives (Eq. 14), folded before any kernel is formed.
+pub fn representative_responses(
+    basis: &Basis,
+    folded: &Folded,
+    pyramid: &Pyramid,
+    pairs: Pairs,
+    set: InstructionSet,
+    out: &mut [f32],
+) {
+    run(
+        &Job {
+            basis,
+            pyramid,
+            pairs,
+            reduction: Reduction::Representatives(folded),
+        },
+        folded.count() * 3,
+        set,
+        out,
+    );
+}
+
+/// Blocks that one task walks: enough to amortise its scratch space.
+const BLOCKS_A_TASK: usize = 8;
+
+fn run(job: &Job, width: usize, set: InstructionSet, out: &mut [f32]) {
+    assert!(set.available(), "{set:?} is not available on this machine");
+    assert_eq!(out.len(), job.pairs.normal.len() * width);
+    if width == 0 {
+        return;
+    }
+    out.par_chunks_mut(BLOCKS_A_TASK * LANES * width)
+        .enumerate()
+        .for_each(|(task, out)| {
+            let mut means = vec![[0.0; LANES]; job.basis.means() * 3];
+            let mut results = vec![[0.0; LANES]; width];
+            for (block, out) in out.chunks_mut(LANES * width).enumerate() {
+                let first = (task * BLOCKS_A_TASK + block) * LANES;
+                dispatch(job, first, set, &mut means, &mut results);
+                transpose(&results, out);
+            }
+        });
+}
+
+fn dispatch(
+    job: &Job,
+    first: usize,
+    set: InstructionSet,
+    means: &mut [Array],
+    results: &mut [Array],
+) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        #[target_feature(
+            enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma,f16c,bmi1,bmi2,popcnt"
+        )]
+        fn avx512(job: &Job, first: usize, means: &mut [Array], results: &mut [Array]) {
+            block::<Plain<true>>(job, first, means, results);
+        }
+        #[target_feature(enable = "avx2,fma,f16c,bmi1,bmi2,popcnt")]
+        fn avx2(job: &Job, first: usize, means: &mut [Array], results: &mut [Array]) {
+            block::<Plain<true>>(job, first, means, results);
+        }
+        match set {
+            // SAFETY: `run` has checked that the machine has the instruction set.
+            InstructionSet::Avx512 => return unsafe { avx512(job, first, means, results) },
+            InstructionSet::Avx2 => return unsafe { avx2(job, first, means, results) },
+            InstructionSet::Baseline => {}
+        }
+    }
+    block::<Plain<false>>(job, first, means, results);
+}
+
+/// One block: ring means, cosine integrals, and the products with the weights.
+#[inline(always)]
+fn block<L: Lanes>(job: &Job, first: usize, means: &mut [Array], results: &mut [Array]) {
+    let pairs = &job.pairs;
+    let last = (first + LANES).min(pairs.normal.len());
+    let frames = Frames::new(&pairs.normal[first..last], &pairs.to_viewer[first..last]);
+    let row: [i32; LANES] = std::array::from_fn(|k| pairs.sky_row[(first + k).min(last - 1)]);
+    let sky = Sky {
+        words: pairs.sky,
+        row,
+        masked: row.iter().any(|&r| r >= 0),
+    };
+    ring_means::<L>(job.basis, job.pyramid, &frames, &sky, means);
+    diffuse_means::<L>(job, first, last, &frames, &sky, means);
+    match job.reduction {
+        Reduction::Kernels => fold_kernels::<L>(job.basis, means, results),
+        Reduction::Representatives(folded) => fold_representatives::<L>(folded, means, results),
+    }
+}
+
+/// Fills the last four means of a block: E0, E0 f, E1, E1 f. Pairs of the same texel follow one
+/// another, so that its integrals are made once.
+#[inline(always)]
+fn diffuse_means<L: Lanes>(
+    job: &Job,
+    first: usize,
+    last: usize,
+    frames: &Frames,
+    sky: &Sky,
+    means: &mut [Array],
+) {
+    let mut integrals = [[[0.0; LANES]; 3]; 2];
+    for k in 0..last - first {
+        let normal = job.pairs.normal[first + k];
+        let same =
+            k > 0 && normal == job.pairs.normal[first + k - 1] && sky.row[k] == sky.row[k - 1];
+        let value = if same {
+            [0, 1].map(|e| [0, 1, 2].map(|c| integrals[e][c][k - 1]))
+        } else {
+            let mask =
+                (sky.row[k] >= 0).then(|| &sky.words[sky.row[k] as usize * CELLS..][..CELLS]);
+            cosine_integrals::<L>(job.pyramid, normal, mask)
+        };
+        for e in 0..2 {
+            for c in 0..3 {
+                integrals[e][c][k] = value[e][c];
+            }
+        }
+    }
+    let f = fifth_power(L::splat(1.0) - L::load(&frames.cosine));
+    let live = L::load(&frames.live);
+    let start = means.len() - 12;
+    for e in 0..2 {
+        for c in 0..3 {
+            let value = L::load(&integrals[e][c]) * live;
+            means[start + 6 * e + c] = value.store();
+            means[start + 6 * e + 3 + c] = (value * f).store();
+        }
+    }
+}
