@@ -134,15 +134,24 @@ def _pooled(
 ) -> Evaluation:
     nothing = SquaredError(0.0, 0.0, 0)
     total = sum(sums, nothing)
-    means = [
-        float(np.mean([getattr(f, key) for f in frames])) for key in ("psnr_h", "psnr_l", "ssim", "ssim_11")
-    ]
-    split: tuple[float, ...] = ()
-    if inner:
-        inside, edge = sum(inner, nothing), sum(rim, nothing)
-        whole = inside.difference + edge.difference
-        split = (inside.nrms, edge.nrms, edge.difference / whole if whole > 0 else 0.0)
-    return Evaluation(tuple(frames), total.nrms, *means, total.pixels, *split)
+    inside, edge = sum(inner, nothing), sum(rim, nothing)
+    whole = inside.difference + edge.difference
+
+    def mean(key: str) -> float:
+        return float(np.mean([getattr(frame, key) for frame in frames]))
+
+    return Evaluation(
+        frames=tuple(frames),
+        nrms=total.nrms,
+        psnr_h=mean("psnr_h"),
+        psnr_l=mean("psnr_l"),
+        ssim=mean("ssim"),
+        ssim_11=mean("ssim_11"),
+        pixels=total.pixels,
+        nrms_inner=inside.nrms if inner else None,
+        nrms_rim=edge.nrms if inner else None,
+        rim_share=(edge.difference / whole if whole > 0 else 0.0) if inner else None,
+    )
 
 
 def _is_capture(references: Path) -> bool:

@@ -63,7 +63,7 @@ def srgb_encoded(linear: Float) -> F64:
 
 def eroded(mask: Bool) -> Bool:
     """The mask less the pixels whose 5 x 5 box leaves it; the image border does not erode."""
-    return np.asarray(ndimage.binary_erosion(mask, np.ones((5, 5)), border_value=1), dtype=np.bool_)
+    return np.asarray(ndimage.binary_erosion(mask, np.ones((5, 5), np.bool_), border_value=1), dtype=np.bool_)
 
 
 def _aligned(a: Float, b: Float, inside: Bool) -> tuple[F64, F64]:

@@ -1,3 +1,31 @@
 # SPDX-FileCopyrightText: Swatchwork contributors
 # SPDX-License-Identifier: MIT
-"""."""
+"""Synthetic problems and captures with known truth, for tests, benchmarks, experiments and the demo."""
+
+from .blends import blend_pattern, dense_weights
+from .environments import KINDS, procedural_environment
+from .materials import Lobe, Recipe, four_materials, ggx_basis, ggx_mixture, in_basis, in_ggx
+from .problem import Pairs, SyntheticProblem, fibonacci_sphere, two_of_four
+from .viewpoints import camera_towards, look_at, random_directions, ring_directions
+
+__all__ = [
+    "KINDS",
+    "Lobe",
+    "Pairs",
+    "Recipe",
+    "SyntheticProblem",
+    "blend_pattern",
+    "camera_towards",
+    "dense_weights",
+    "fibonacci_sphere",
+    "four_materials",
+    "ggx_basis",
+    "ggx_mixture",
+    "in_basis",
+    "in_ggx",
+    "look_at",
+    "procedural_environment",
+    "random_directions",
+    "ring_directions",
+    "two_of_four",
+]

@@ -1,0 +1,121 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""Materials of known parameters, as weights of a generic basis [J, 3] (Eq. 7).
+
+GGX lobes are weights too, of a wider basis: in slope space GGX is a mixture of Beckmann lobes,
+D_ggx(alpha) = integral of D_beckmann(alpha / sqrt(E)) exp(-E) dE, so a dense set of sigmas over
+several decades reproduces it, and truth outside the paper's range runs through the same operator.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from ..arrays import F64
+from ..reflectance import GenericBasis
+
+
+@dataclass(frozen=True)
+class Lobe:
+    """One specular lobe: colour [3] (at tau = 1), roughness sigma or alpha, Fresnel tau of Eq. 11."""
+
+    colour: tuple[float, float, float]
+    roughness: float
+    tau: float
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """A plausible material: Lambertian albedo [3] and specular lobes."""
+
+    name: str
+    diffuse: tuple[float, float, float]
+    lobes: tuple[Lobe, ...]
+
+
+def four_materials(seed: int = 0) -> tuple[Recipe, ...]:
+    """A plastic, a metal, a glossy paint and a coarse phenolic of random, well separated hues."""
+    rng = np.random.default_rng([seed, 2])
+    hues = (rng.uniform() + np.arange(4) / 4 + rng.uniform(-0.06, 0.06, 4)) % 1
+
+    def colour(hue: float, saturation: float, value: float) -> tuple[float, float, float]:
+        ramp = np.clip(np.abs((hue * 6 + np.array([0.0, 4.0, 2.0])) % 6 - 3) - 1, 0, 1)
+        r, g, b = value * (1 - saturation + saturation * ramp)
+        return float(r), float(g), float(b)
+
+    def white(value: float) -> tuple[float, float, float]:
+        return value, value, value
+
+    def near(value: float) -> float:
+        return float(value * rng.uniform(0.8, 1.25))
+
+    return (
+        Recipe("plastic", colour(hues[0], 0.7, 0.5), (Lobe(white(0.8), near(0.06), 0.05),)),
+        Recipe("metal", white(0.0), (Lobe(colour(hues[1], 0.5, 0.9), near(0.14), 0.8),)),
+        Recipe(
+            "paint",
+            colour(hues[2], 0.85, 0.2),
+            (Lobe(white(0.7), near(0.02), 0.04), Lobe(colour(hues[2], 0.6, 0.35), near(0.3), 0.7)),
+        ),
+        Recipe("phenolic", colour(hues[3], 0.8, 0.35), (Lobe(white(0.9), near(0.2), 0.08),)),
+    )
+
+
+def in_basis(recipes: tuple[Recipe, ...], basis: GenericBasis) -> F64:
+    """Beckmann materials as weights [N, J, 3], each roughness moved to the nearest sigma of the basis."""
+    found = np.zeros((len(recipes), basis.kernels, 3))
+    sigmas = basis.sigmas_for(basis.maskings[0])
+    for i, recipe in enumerate(recipes):
+        _add_diffuse(found[i], recipe, basis)
+        for lobe in recipe.lobes:
+            s = int(np.argmin(np.abs(np.log(sigmas / lobe.roughness))))
+            _add_lobe(found[i], lobe, np.eye(len(sigmas))[s])
+    return found
+
+
+@cache
+def ggx_basis() -> GenericBasis:
+    """The paper's kernels with 85 sigmas from 0.004 to 40: dense and wide enough to hold GGX lobes."""
+    return GenericBasis("ggx-truth", np.geomspace(0.004, 40.0, 85), ("vgroove",), ("lambert",))
+
+
+def in_ggx(recipes: tuple[Recipe, ...]) -> F64:
+    """The same materials with GGX lobes of alpha = roughness, as weights [N, J, 3] of `ggx_basis`."""
+    basis = ggx_basis()
+    found = np.zeros((len(recipes), basis.kernels, 3))
+    for i, recipe in enumerate(recipes):
+        _add_diffuse(found[i], recipe, basis)
+        for lobe in recipe.lobes:
+            _add_lobe(found[i], lobe, ggx_mixture(lobe.roughness, basis.sigmas))
+    return found
+
+
+def ggx_mixture(alpha: float, sigmas: F64) -> F64:
+    """Weights [S] of log-spaced Beckmann sigmas whose sum is GGX of ``alpha``.
+
+    With E = (alpha / sigma)^2 the density over log sigma is 2 E exp(-E); the trapezium rule converges
+    faster than any power of the spacing.
+    """
+    e = (alpha / sigmas) ** 2
+    return np.asarray(2 * e * np.exp(-e) * np.log(sigmas[1] / sigmas[0]), dtype=np.float64)
+
+
+def _add_diffuse(weights: F64, recipe: Recipe, basis: GenericBasis) -> None:
+    first = len(basis.lobes)
+    if "lambert" in basis.diffuse:
+        weights[first + basis.diffuse.index("lambert")] += recipe.diffuse
+    else:
+        # The two halves f and 1 - f of a split Lambertian kernel add up to it.
+        for name in ("lambert_1mf", "lambert_f"):
+            weights[first + basis.diffuse.index(name)] += recipe.diffuse
+
+
+def _add_lobe(weights: F64, lobe: Lobe, mixture: F64) -> None:
+    """Add to the kernels of the basis's first masking, of which ``mixture`` has one entry a sigma."""
+    count = len(mixture)
+    colour = np.asarray(lobe.colour)
+    weights[:count] += mixture[:, None] * colour * (1 - lobe.tau)
+    weights[count : 2 * count] += mixture[:, None] * colour * lobe.tau

@@ -1,0 +1,144 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""Synthetic truth: it must be what it says it is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from swatchwork.reflectance import extended, paper
+from swatchwork.response import representative_responses
+from swatchwork.simulate import (
+    KINDS,
+    blend_pattern,
+    camera_towards,
+    dense_weights,
+    fibonacci_sphere,
+    four_materials,
+    ggx_basis,
+    in_basis,
+    in_ggx,
+    procedural_environment,
+    random_directions,
+    two_of_four,
+)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_environments_are_seeded_and_of_high_dynamic_range(kind: str) -> None:
+    light = procedural_environment(kind, seed=3, height=64)
+    again = procedural_environment(kind, seed=3, height=64)
+    assert np.array_equal(light.radiance, again.radiance)
+    assert not np.array_equal(light.radiance, procedural_environment(kind, seed=4, height=64).radiance)
+    # The row weights of generator and Environment differ by their quadrature of sin theta, 1e-4 at 64 rows.
+    assert light.mean_radiance.mean() == pytest.approx(1, abs=1e-3)
+    assert light.radiance.max() > 15 * light.radiance.mean()
+    assert light.radiance.min() >= 0
+    # The same light at another height: small lamps move by parts of a pixel, 10 % of their energy.
+    finer = procedural_environment(kind, seed=3, height=128)
+    assert np.allclose(finer.mean_radiance, light.mean_radiance, rtol=0.1)
+
+
+def test_fewer_views_are_the_first_of_more() -> None:
+    assert np.array_equal(random_directions(3, seed=5), random_directions(12, seed=5)[:3])
+    many = random_directions(20_000, seed=0)
+    # Uniform over the sphere: means 0 and second moments 1/3, within four standard errors.
+    assert np.abs(many.mean(axis=0)).max() < 4 * np.sqrt(1 / 3 / 20_000)
+    assert np.abs((many**2).mean(axis=0) - 1 / 3).max() < 4 * np.sqrt(4 / 45 / 20_000)
+
+
+def test_a_camera_sees_the_whole_sphere() -> None:
+    camera = camera_towards(np.array([0.3, -0.5, 0.8]), 100)
+    uv, depth = camera.project(fibonacci_sphere(5000))
+    assert (depth > 0).all()
+    assert 3 < uv.min() < 5
+    assert 95 < uv.max() < 97
+
+
+@pytest.mark.parametrize("sharp", [False, True])
+@pytest.mark.parametrize("blended", [1, 2, 3])
+def test_blends_are_convex_and_use_every_material(blended: int, sharp: bool) -> None:
+    position = fibonacci_sphere(3000)
+    index, weight = blend_pattern(position, blended=blended, seed=1, sharp=sharp)
+    assert index.shape == weight.shape == (3000, blended)
+    assert (weight >= 0).all()
+    assert np.allclose(weight.sum(axis=1), 1, atol=1e-12)
+    assert (np.sort(index, axis=1)[:, 1:] != np.sort(index, axis=1)[:, :-1]).all()
+    assert (dense_weights(index, weight, 4).max(axis=0) > 0.5).all()
+
+
+def test_smooth_blends_vary_continuously() -> None:
+    base = fibonacci_sphere(2000)
+    near = base + 1e-6 * np.random.default_rng(0).normal(size=base.shape)
+    one, two = (dense_weights(*blend_pattern(x, seed=2), 4) for x in (base, near))
+    # Fields move by about 2e-5 in such a step (frequency 14); a weight moves by that over the fields'
+    # excess, which is small where three fields nearly agree. A jump would be of order 1.
+    assert np.abs(one - two).max() < 0.02
+
+
+def test_ggx_mixture_is_ggx() -> None:
+    """Evaluate the mixture's BRDF against the closed form of a GGX lobe with the same G and F."""
+    basis, recipe = ggx_basis(), four_materials(0)[1]
+    (lobe,) = recipe.lobes
+    o = np.array([0.6, 0.0, 0.8])
+    phi = np.linspace(0, np.pi, 7)
+    theta = np.linspace(0, 1.3, 9)[:, None]
+    i = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta) + 0 * phi], axis=-1)
+    mixture = basis.evaluate(i, o) @ in_ggx((recipe,))[0]
+    h = (i + o) / np.linalg.norm(i + o, axis=-1, keepdims=True)
+    n_h, o_h, n_i, n_o = h[..., 2], h @ o, i[..., 2], o[2]
+    a2 = lobe.roughness**2
+    d = a2 / (np.pi * (n_h**2 * (a2 - 1) + 1) ** 2)
+    g = np.minimum(1, np.minimum(2 * n_h * n_i / o_h, 2 * n_h * n_o / o_h))
+    f = lobe.tau + (1 - lobe.tau) * (1 - o_h) ** 5
+    expected = (d * g * f / (4 * n_i * n_o))[..., None] * lobe.colour
+    # Sigmas above 40 are cut off: (alpha / 40)^2 of the energy; the trapezium rule leaves less.
+    assert np.allclose(mixture, expected, rtol=1e-4)
+
+
+def test_extended_basis_holds_the_same_materials() -> None:
+    i, o = np.array([[0.6, 0.0, 0.8]]), np.array([[0.0, 0.28, 0.96]])
+    recipes = four_materials(0)
+    one = np.einsum("pj,njc->npc", paper().evaluate(i, o), in_basis(recipes, paper()))
+    two = np.einsum("pj,njc->npc", extended().evaluate(i, o), in_basis(recipes, extended()))
+    assert np.allclose(one, two, rtol=1e-9)
+
+
+def test_truth_explains_its_own_measurements() -> None:
+    p = two_of_four(k=3, seed=1, texels=400)
+    assert p.novel(p.truth_representatives, p.truth_index, p.truth_weight) == 0
+    s = representative_responses(
+        p.basis,
+        p.truth_representatives,
+        two_of_four_light(1),
+        p.pairs.normal,
+        p.pairs.to_viewer,
+    )
+    full = dense_weights(p.truth_index, p.truth_weight, 4)[p.pairs.texel]
+    again = np.einsum("pn,pnc->pc", full, s)
+    # Kernels folded first or last: two orders of summing about 100 f32 terms.
+    assert np.allclose(p.radiance, again, rtol=2e-5, atol=1e-6)
+    assert (np.diff(p.offsets) >= 1).all()
+    assert np.array_equal(np.repeat(np.arange(len(p.normal)), np.diff(p.offsets)), p.pairs.texel)
+
+
+def two_of_four_light(seed: int) -> object:
+    return procedural_environment("room", seed).pyramid()
+
+
+def test_noise_is_multiplicative_and_of_the_stated_size() -> None:
+    clean = two_of_four(k=6, texels=1000)
+    noisy = two_of_four(k=6, texels=1000, noise_percent=3)
+    ratio = noisy.radiance / clean.radiance - 1
+    # About 6000 samples: a standard deviation within 4 standard errors, 4 * 0.03 / sqrt(12,000).
+    assert ratio.std() == pytest.approx(0.03, abs=1.1e-3)
+    assert abs(ratio.mean()) < 4 * 0.03 / np.sqrt(ratio.size)
+
+
+def test_ggx_truth_lies_outside_the_basis_but_near() -> None:
+    p = two_of_four(k=3, truth="ggx", texels=300)
+    assert p.truth_representatives.shape[1] == p.truth_basis.kernels != p.basis.kernels
+    inside = in_basis(four_materials(0), p.basis)
+    # Beckmann for GGX of equal roughness: the long tails are missing, some ten percent.
+    assert 0.02 < p.novel(inside, p.truth_index, p.truth_weight) < 0.4
