@@ -1,0 +1,249 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""Writing and reading the material folder: whole or not at all, and the same bits back."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..capture import read_exr_channels, write_exr, write_exr_channels
+from ..errors import InputError, OutputError
+from .maps import material_maps
+from .material import BasisRecord, Material
+from .obj import read_obj, write_obj
+
+FORMAT = "swatchwork-material"
+SCHEMA_VERSION = 1
+
+
+def write_material(
+    folder: str | PathLike[str], material: Material, extra: Callable[[Path], None] | None = None
+) -> None:
+    """Write the folder of design section 4; an older material there stays until the new one is whole.
+
+    Args:
+        folder: where; must not exist, be empty, or hold a material.
+        material: what.
+        extra: writes further files (a report) into the folder it is given before that becomes visible.
+
+    Raises:
+        InputError: the material is inconsistent, or the folder holds something else.
+        OutputError: disk full, no permission; nothing of the new folder is left.
+    """
+    material.check()
+    with whole_folder(folder) as fresh:
+        _write_blend(fresh / "blend.exr", material)
+        write_obj(fresh / "mesh.obj", material.vertices, material.faces, material.normals, material.uv)
+        _write_maps(fresh / "maps", material)
+        (fresh / "svbrdf.json").write_text(_as_json(material), encoding="utf-8")
+        if extra is not None:
+            extra(fresh)
+
+
+def read_material(folder: str | PathLike[str]) -> Material:
+    """Read a folder `write_material` wrote, every number as it was.
+
+    Raises:
+        InputError: a file is missing or damaged, of another schema version, or the parts disagree.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError("no such folder", file=folder, expected="a material folder")
+    head = _read_json(folder / "svbrdf.json")
+    try:
+        basis = BasisRecord(
+            head["basis"]["name"],
+            tuple(map(float, head["basis"]["sigmas"])),
+            tuple(map(str, head["basis"]["maskings"])),
+            tuple(map(str, head["basis"]["diffuse"])),
+            {name: tuple(map(float, sigmas)) for name, sigmas in head["basis"]["sigmas_of"].items()},
+        )
+        representatives = np.array(head["representatives"], dtype=np.float64)
+        n = int(head["n"])
+        penalties, solver, inputs = dict(head["penalties"]), dict(head["solver"]), dict(head["inputs"])
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise InputError(
+            f"a part is missing or malformed ({error!r})",
+            file=folder / "svbrdf.json",
+            expected="a whole material",
+        ) from error
+    blend = read_exr_channels(folder / "blend.exr")
+    wanted = [f"{kind}.{i}" for kind in ("index", "weight") for i in range(n)]
+    missing = [name for name in [*wanted, "coverage", "residual"] if name not in blend]
+    if missing:
+        raise InputError(
+            f"has no channel {missing[0]!r}",
+            file=folder / "blend.exr",
+            expected=f"n={n} index and weight channels",
+        )
+    vertices, faces, normals, uv = read_obj(folder / "mesh.obj")
+    material = Material(
+        basis=basis,
+        representatives=representatives,
+        index=np.stack([blend[f"index.{i}"].astype(np.uint32) for i in range(n)], axis=-1),
+        weight=np.stack([blend[f"weight.{i}"].astype(np.float32) for i in range(n)], axis=-1),
+        coverage=blend["coverage"].astype(np.uint32).astype(np.int64).astype(np.int32) - np.int32(1),
+        residual=blend["residual"].astype(np.float32),
+        vertices=vertices,
+        faces=faces,
+        normals=normals,
+        uv=uv,
+        penalties=penalties,
+        solver=solver,
+        inputs=inputs,
+    )
+    material.check(folder)
+    return material
+
+
+def is_material_folder(folder: str | PathLike[str]) -> bool:
+    """Whether the folder's svbrdf.json says that it is one, of whatever version."""
+    try:
+        head = json.loads((Path(folder) / "svbrdf.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return isinstance(head, dict) and head.get("format") == FORMAT
+
+
+@contextmanager
+def whole_folder(
+    folder: str | PathLike[str], replaceable: Callable[[Path], bool] = is_material_folder
+) -> Iterator[Path]:
+    """A temporary sibling to write into, which takes the folder's place once the block ends well.
+
+    Raises:
+        InputError: the folder exists, is not empty, and is not ``replaceable``.
+        OutputError: the disk is full, or the place cannot be written.
+    """
+    folder = Path(folder).absolute()
+    if folder.exists() and not (folder.is_dir() and (not any(folder.iterdir()) or replaceable(folder))):
+        raise InputError(
+            "exists and is not a material folder",
+            file=folder,
+            expected="a new folder, an empty one, or an older material",
+            hint="Nothing was written: choose another name, or move it away",
+        )
+    fresh: Path | None = None
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        fresh = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+        yield fresh
+        # mkdtemp's folders are private; this one should be as any other.
+        mask = os.umask(0)
+        os.umask(mask)
+        fresh.chmod(0o777 & ~mask)
+        for path in [*sorted(fresh.rglob("*")), fresh]:
+            _sync(path)
+        _swap(fresh, folder)
+    except OSError as error:
+        raise OutputError(
+            f"{folder}: cannot be written ({error.strerror or error}); what was there before is intact"
+        ) from error
+    finally:
+        if fresh is not None:
+            shutil.rmtree(fresh, ignore_errors=True)
+
+
+def _swap(fresh: Path, folder: Path) -> None:
+    """Rename the new folder into place; the old one steps aside and comes back if that fails."""
+    if not folder.exists():
+        fresh.rename(folder)
+    else:
+        old = folder.with_name(f"{fresh.name}.old")
+        folder.rename(old)
+        try:
+            fresh.rename(folder)
+        except BaseException:
+            old.rename(folder)
+            raise
+        shutil.rmtree(old, ignore_errors=True)
+    _sync(folder.parent)
+
+
+def _sync(path: Path) -> None:
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _write_blend(path: Path, m: Material) -> None:
+    channels: dict[str, np.ndarray] = {}
+    for i in range(m.n):
+        channels[f"index.{i}"] = m.index[..., i].astype(np.uint32)
+        channels[f"weight.{i}"] = m.weight[..., i].astype(np.float32)
+    # EXR has no signed integers: coverage is stored plus 1, so that 0 is off the atlas.
+    channels["coverage"] = (m.coverage.astype(np.int64) + 1).astype(np.uint32)
+    channels["residual"] = m.residual.astype(np.float32)
+    write_exr_channels(path, channels)
+
+
+def _write_maps(folder: Path, m: Material) -> None:
+    folder.mkdir()
+    for name, pixels in vars(material_maps(m)).items():
+        if pixels.ndim == 3:
+            write_exr(folder / f"{name}.exr", pixels)
+        else:
+            write_exr_channels(folder / f"{name}.exr", {"Y": pixels.astype(np.float32)})
+
+
+def _as_json(m: Material) -> str:
+    """Python's JSON writes the shortest digits that read back as the same double."""
+    head = {
+        "format": FORMAT,
+        "schema_version": SCHEMA_VERSION,
+        "basis": asdict(m.basis),
+        "n": m.n,
+        "N": m.N,
+        "resolution": list(m.index.shape[:2]),
+        "representatives": m.representatives.tolist(),
+        "penalties": m.penalties,
+        "solver": m.solver,
+        "inputs": m.inputs,
+    }
+    return json.dumps(_plain(head), sort_keys=True, allow_nan=False) + "\n"
+
+
+def _plain(value: Any) -> Any:
+    """Arrays as lists; JSON has no infinity nor NaN, so that a history's become null."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    try:
+        head = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError("no such file", file=path, expected="the head of a material folder") from None
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"cannot be read ({error})", file=path, expected="JSON", hint="Is it truncated?"
+        ) from error
+    if not isinstance(head, dict) or head.get("format") != FORMAT:
+        raise InputError("is not the head of a material folder", file=path, expected=f'"format": "{FORMAT}"')
+    if head.get("schema_version") != SCHEMA_VERSION:
+        raise InputError(
+            f"has schema version {head.get('schema_version')!r}",
+            file=path,
+            expected=str(SCHEMA_VERSION),
+            hint="Read it with the swatchwork that wrote it, or reconstruct again",
+        )
+    return head

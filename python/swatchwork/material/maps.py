@@ -1,0 +1,158 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""Maps for eyes and other programs: diffuse, specular, roughness, tau (paper, Fig. 15), confidence.
+
+They are summaries; the material itself is the blend of representatives.
+
+- ``diffuse``: Lambertian albedo at normal incidence.
+- ``specular``: directional albedo of the specular kernels at normal incidence.
+- ``roughness``: sigma of the one Beckmann lobe nearest to the blended NDF. A lobe's energy per unit of
+  log tan(alpha) is q(t) = 2 t^2 / sigma^2 exp(-t^2 / sigma^2), of mass 1; the fit is least squares of q
+  over log t with free amplitude. Two lobes have the product 2 a^2 b^2 / (a^2 + b^2)^2, so the best sigma
+  maximises sum_j e_j 2 s_j^2 s^2 / (s_j^2 + s^2)^2. Least squares over solid angle instead would pick the
+  sharpest lobe however faint; matching second moments, the widest.
+- ``tau``: with weights c0, c1 of the kernels tau = 0 and tau = 1 summed, Eq. 11's tau is c1 / (c0 + c1).
+- ``confidence``: views / (views + 2) / (1 + (residual / 0.1)^2): 0 where no view saw the texel, 0.5 at
+  two views that fit perfectly. A hint for eyes, no probability.
+
+Energies e_j are luminances c1 + c0 / 21: 1/21 is the cosine-weighted mean of (1 - cos)^5. Roughness and
+tau are 0 where nothing is specular; all maps are 0 off the atlas, coverage -1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import F32, F64, I32
+from ..errors import InputError
+from .material import BasisRecord, Material
+
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+MEAN_GRAZING = 1 / 21
+CHUNK = 65536
+
+
+@dataclass(frozen=True, eq=False)
+class MaterialMaps:
+    """Images at atlas resolution, row 0 at v = 1."""
+
+    diffuse: F32  # [H, W, 3]
+    specular: F32  # [H, W, 3]
+    roughness: F32  # [H, W]
+    tau: F32  # [H, W]
+    residual: F32  # [H, W]
+    coverage: I32  # [H, W]
+    confidence: F32  # [H, W]
+
+
+def material_maps(material: Material) -> MaterialMaps:
+    """All maps of a material (definitions at the top of this file)."""
+    m, basis = material, material.basis
+    lobes, albedo = basis.lobes, normal_albedo(basis)
+    first = len(lobes)
+    diffuse = np.einsum("j,njc->nc", albedo[first:], m.representatives[:, first:])
+    specular = np.einsum("j,njc->nc", albedo[:first], m.representatives[:, :first])
+    luminance = m.representatives[:, :first] @ LUMINANCE
+    full = np.array([tau for _, tau, _ in lobes]) == 1
+    c0, c1 = np.where(full, 0, luminance), np.where(full, luminance, 0)
+
+    atlas = m.on_atlas
+    index, weight = m.index[atlas].astype(np.int64), m.weight[atlas].astype(np.float64)
+    at_normal = blended(c1.sum(axis=-1), index, weight)
+    total = at_normal + blended(c0.sum(axis=-1), index, weight)
+    tau = np.where(total > 0, at_normal / np.where(total > 0, total, 1), 0)
+    roughness = _fitted_roughness(
+        c1 + MEAN_GRAZING * c0, np.array([sigma for *_, sigma in lobes]), index, weight
+    )
+
+    def image(values: F64) -> F32:
+        found = np.zeros((*atlas.shape, *values.shape[1:]), np.float32)
+        found[atlas] = values
+        return found
+
+    views = np.maximum(m.coverage, 0)
+    confidence = views / (views + 2.0) / (1 + (m.residual.astype(np.float64) / 0.1) ** 2)
+    return MaterialMaps(
+        diffuse=image(blended(diffuse, index, weight)),
+        specular=image(blended(specular, index, weight)),
+        roughness=image(roughness),
+        tau=image(tau),
+        residual=np.where(atlas, m.residual, np.float32(0)),
+        coverage=m.coverage,
+        confidence=confidence.astype(np.float32),
+    )
+
+
+def blended(per_representative: F64, index: np.ndarray, weight: F64) -> F64:
+    """Values [N, ...] of the representatives, blended by index and weight [M, n] to [M, ...]."""
+    found = np.zeros((len(index), *per_representative.shape[1:]))
+    for i in range(index.shape[1]):
+        w = weight[:, i].reshape(-1, *[1] * (per_representative.ndim - 1))
+        found += w * per_representative[index[:, i]]
+    return found
+
+
+def _fitted_roughness(energy: F64, sigmas: F64, index: np.ndarray, weight: F64) -> F64:
+    """Sigma [M] of the best single lobe for energies [N, J'] at sigmas [J']; 0 where there is none."""
+    step = 0.05
+    grid = np.arange(np.log(sigmas.min()), np.log(sigmas.max()) + step, step)
+    s2, t2 = sigmas[:, None] ** 2, np.exp(2 * grid)[None]
+    scores = energy @ (2 * s2 * t2 / (s2 + t2) ** 2)
+    found = np.zeros(len(index))
+    for start in range(0, len(index), CHUNK):
+        part = slice(start, start + CHUNK)
+        score = blended(scores, index[part], weight[part])
+        best = np.clip(score.argmax(axis=1), 1, len(grid) - 2)
+        at = np.arange(len(best))
+        low, mid, high = score[at, best - 1], score[at, best], score[at, best + 1]
+        # A parabola through the three scores around the top of the grid.
+        bend = low - 2 * mid + high
+        shift = np.where(bend < 0, 0.5 * (low - high) / np.where(bend < 0, bend, 1), 0)
+        sigma = np.exp(grid[best] + step * np.clip(shift, -1, 1))
+        found[part] = np.where(mid > 0, np.clip(sigma, sigmas.min(), sigmas.max()), 0)
+    return found
+
+
+def normal_albedo(basis: BasisRecord) -> F64:
+    """Albedo [J] of each kernel for a viewer along the normal, without colour.
+
+    With o = n, o.h = n.h = cos(alpha) and i lies at 2 alpha, so that a specular kernel's albedo is the mean
+    of G F over the lobe, and light from below the horizon (alpha > 45 degrees) is lost.
+    """
+    # Midpoints of equal shares of the lobe: t^2 / sigma^2 is exponentially distributed.
+    share = -np.log((np.arange(4096) + 0.5) / 4096)
+    found = []
+    for masking, tau, sigma in basis.lobes:
+        cos2 = 1 / (1 + share * sigma**2)
+        g = np.where(cos2 > 0.5, _masking(masking, np.maximum(2 * cos2 - 1, 1e-9)), 0)
+        found.append((g if tau else g * (1 - np.sqrt(cos2)) ** 5).mean())
+    return np.array(found + [_diffuse_albedo(name) for name in basis.diffuse])
+
+
+def _masking(name: str, cos_i: F64) -> F64:
+    """G for o = n."""
+    if name == "vgroove":
+        return np.minimum(1, 2 * cos_i)
+    kind, _, alpha = name.partition(":")
+    if kind != "smith":
+        raise InputError(f"masking {name!r}", expected="'vgroove' or 'smith:ALPHA'")
+    a2 = float(alpha) ** 2
+    return np.asarray(2 * cos_i / (cos_i + np.sqrt(a2 + (1 - a2) * cos_i**2)), dtype=np.float64)
+
+
+def _diffuse_albedo(name: str) -> float:
+    """For o = n the view-dependent factor f_o = (1 - o.n)^5 is 0; f_i has the mean 1/21."""
+    known = {
+        "lambert": 1.0,
+        "lambert_1mf": 1.0,
+        "lambert_f": 0.0,
+        "grazing_1mf": MEAN_GRAZING,
+        "grazing_f": 0.0,
+        "matte_1mf": 1 - MEAN_GRAZING,
+        "matte_f": 0.0,
+    }
+    if name not in known:
+        raise InputError(f"diffuse kernel {name!r}", expected=f"one of {', '.join(known)}")
+    return known[name]

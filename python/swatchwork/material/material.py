@@ -1,0 +1,136 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""A recovered material: N representatives, and at every texel of the atlas a blend of n of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from os import PathLike
+from typing import Any
+
+import numpy as np
+
+from ..arrays import F32, F64, I32, U32
+from ..errors import InputError
+
+WEIGHT_SUM_TOLERANCE = 1e-4
+"""Weights are f32 and sum to 1 up to rounding (n times 6e-8); what is off by more was not a blend."""
+
+
+@dataclass(frozen=True)
+class BasisRecord:
+    """The generic basis as plain values, with the names and meaning of `reflectance.GenericBasis`.
+
+    Along J: for each masking, for tau in (0, 1), for each of its sigmas; then the diffuse kernels.
+    """
+
+    name: str
+    sigmas: tuple[float, ...]
+    maskings: tuple[str, ...]
+    diffuse: tuple[str, ...]
+    sigmas_of: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    """Roughnesses of single maskings that differ from `sigmas`."""
+
+    @property
+    def lobes(self) -> list[tuple[str, int, float]]:
+        """Masking, tau and sigma of each specular kernel."""
+        return [
+            (masking, tau, sigma)
+            for masking in self.maskings
+            for tau in (0, 1)
+            for sigma in self.sigmas_of.get(masking, self.sigmas)
+        ]
+
+    @property
+    def kernels(self) -> int:
+        """J."""
+        return len(self.lobes) + len(self.diffuse)
+
+
+@dataclass(frozen=True, eq=False)
+class Material:
+    """An SVBRDF on a mesh.
+
+    ``index`` and ``weight`` hold the blend of each atlas pixel, row 0 at v = 1. ``coverage`` is the number of
+    views that saw a texel: 0 where none did (its blend is filled in from neighbours), -1 off the atlas.
+    """
+
+    basis: BasisRecord
+    representatives: F64  # [N, J, 3]
+    index: U32  # [H, W, n]
+    weight: F32  # [H, W, n], sums to 1 on the atlas
+    coverage: I32  # [H, W]
+    residual: F32  # [H, W], relative fitting error |s_hat - s| / |s_hat|
+    vertices: F64  # [V, 3]
+    faces: I32  # [F, 3]
+    normals: F64  # [V, 3], unit
+    uv: F64  # [V, 2], v upward
+    penalties: Mapping[str, float] = field(default_factory=dict)
+    solver: Mapping[str, Any] = field(default_factory=dict)
+    """Status, history and options of the solver, as JSON holds them."""
+    inputs: Mapping[str, Any] = field(default_factory=dict)
+    """Fingerprints of what the material was made from."""
+
+    @property
+    def n(self) -> int:
+        """Representatives blended at a texel."""
+        return int(self.index.shape[-1])
+
+    @property
+    def N(self) -> int:
+        """Representatives of the object."""
+        return int(self.representatives.shape[0])
+
+    @property
+    def on_atlas(self) -> np.ndarray:
+        """Bool[H, W]: pixels that are texels of the surface."""
+        return self.coverage >= 0
+
+    def check(self, file: str | PathLike[str] | None = None) -> None:
+        """Raise InputError, naming ``file``, where the parts disagree or break a constraint of Eq. 3 or 7."""
+        _check_shapes(self, file)
+        atlas = self.on_atlas
+        if not (np.isfinite(self.representatives).all() and (self.representatives >= 0).all()):
+            raise InputError(
+                "a representative has a negative or non-finite weight", file=file, expected="0 or more"
+            )
+        if (self.index >= self.N).any():
+            raise InputError(
+                f"blend index {int(self.index.max())}",
+                file=file,
+                expected=f"0 to {self.N - 1}, there are N={self.N}",
+            )
+        # Off the atlas the blend is padding for filters, or nothing at all.
+        used = self.weight[atlas].astype(np.float64)
+        if not np.isfinite(used).all() or (used < -WEIGHT_SUM_TOLERANCE).any():
+            raise InputError(
+                "a blend weight is negative or not finite", file=file, expected="weights in [0, 1]"
+            )
+        off = np.abs(used.sum(axis=-1) - 1)
+        if off.size and off.max() > WEIGHT_SUM_TOLERANCE:
+            row, column = np.argwhere(atlas)[int(off.argmax())]
+            raise InputError(
+                f"the blend weights at row {row}, column {column} sum to {used[int(off.argmax())].sum():.6g}",
+                file=file,
+                expected="1",
+            )
+
+
+def _check_shapes(m: Material, file: str | PathLike[str] | None) -> None:
+    height, width, n = m.index.shape
+    expected = {
+        "representatives": (m.N, m.basis.kernels, 3),
+        "weight": (height, width, n),
+        "coverage": (height, width),
+        "residual": (height, width),
+        "normals": m.vertices.shape,
+        "uv": (len(m.vertices), 2),
+    }
+    for name, shape in expected.items():
+        if getattr(m, name).shape != shape:
+            raise InputError(f"{name} has shape {getattr(m, name).shape}", file=file, expected=str(shape))
+    if len(m.faces) == 0 or m.faces.min() < 0 or m.faces.max() >= len(m.vertices):
+        raise InputError(
+            "the mesh has no faces, or one that names no vertex", file=file, expected="triangles"
+        )
