@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from swatchwork.capture import write_exr
+from swatchwork.capture import write_exr, write_png
 from swatchwork.errors import InputError
 from swatchwork.evaluate import compare, nrms, psnr_hdr, psnr_ldr, squared_error, srgb_encoded, ssim
 
@@ -138,6 +138,13 @@ def test_folders_are_compared_frame_by_frame_and_pooled(tmp_path: Path) -> None:
     assert found.psnr_h == pytest.approx(np.mean([frame.psnr_h for frame in found.frames]))
     assert found.nrms_rim is None
     assert found.as_dict()["frames"][0]["ssim"] == found.frames[0].ssim
+
+
+def test_previews_beside_the_images_are_passed_over(tmp_path: Path) -> None:
+    renders, references = write_pair(tmp_path)
+    for folder in (renders, references):
+        write_png(folder / "0001.png", np.zeros((24, 24, 3), np.uint8))
+    assert compare(renders, references).frames[0].name == "0001.exr"
 
 
 def test_a_perfect_set_is_valid_json(tmp_path: Path) -> None:

@@ -315,7 +315,9 @@ def test_maps_off_the_atlas_and_of_unseen_texels() -> None:
     m = single(record(paper()), {70: (0.5,) * 3})
     coverage = np.full((8, 9), -1, np.int32)
     coverage[0], coverage[1], coverage[2] = 0, 2, 50
-    maps = material_maps(replace(m, coverage=coverage, residual=np.zeros((8, 9), np.float32)))
+    residual = np.where(coverage > 0, 0, np.nan).astype(np.float32)
+    maps = material_maps(replace(m, coverage=coverage, residual=residual))
+    assert all(np.isfinite(image).all() for image in vars(maps).values())
     assert maps.diffuse[3:].max() == 0
     assert maps.confidence[0].max() == maps.confidence[3:].max() == 0
     assert np.allclose(maps.confidence[1], 0.5)

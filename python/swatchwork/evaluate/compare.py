@@ -167,7 +167,10 @@ def _references(references: Path) -> Iterator[tuple[str, F32, Bool, Frame | None
         return
     if not references.is_dir():
         raise InputError("no such folder or file", file=references, expected="references to compare with")
-    paths = sorted(p for p in references.iterdir() if p.suffix.lower() in SUFFIXES)
+    found = sorted(p for p in references.iterdir() if p.suffix.lower() in SUFFIXES)
+    # A preview may lie beside an EXR: the more exact kind of each name counts.
+    found.sort(key=lambda p: SUFFIXES.index(p.suffix.lower()))
+    paths = sorted({p.stem: p for p in reversed(found)}.values())
     if not paths:
         raise InputError("holds no image", file=references, expected=f"files named *{', *'.join(SUFFIXES)}")
     for path in paths:

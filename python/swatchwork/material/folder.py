@@ -147,9 +147,11 @@ def whole_folder(
         for path in [*sorted(fresh.rglob("*")), fresh]:
             _sync(path)
         _swap(fresh, folder)
-    except OSError as error:
+    except (OSError, OutputError) as error:
+        # Name the folder asked for, not the temporary one.
+        reason = (getattr(error, "strerror", None) or str(error)).replace(str(fresh), str(folder))
         raise OutputError(
-            f"{folder}: cannot be written ({error.strerror or error}); what was there before is intact"
+            f"{folder}: cannot be written ({reason}); what was there before is intact"
         ) from error
     finally:
         if fresh is not None:

@@ -16,7 +16,7 @@ They are summaries; the material itself is the blend of representatives.
   two views that fit perfectly. A hint for eyes, no probability.
 
 Energies e_j are luminances c1 + c0 / 21: 1/21 is the cosine-weighted mean of (1 - cos)^5. Roughness and
-tau are 0 where nothing is specular; all maps are 0 off the atlas, coverage -1.
+tau are 0 where nothing is specular, the residual where nothing was measured; all maps are 0 off the atlas, coverage -1.
 """
 
 from __future__ import annotations
@@ -73,13 +73,14 @@ def material_maps(material: Material) -> MaterialMaps:
         return found
 
     views = np.maximum(m.coverage, 0)
-    confidence = views / (views + 2.0) / (1 + (m.residual.astype(np.float64) / 0.1) ** 2)
+    residual = np.where(atlas & np.isfinite(m.residual), m.residual, 0)
+    confidence = views / (views + 2.0) / (1 + (residual.astype(np.float64) / 0.1) ** 2)
     return MaterialMaps(
         diffuse=image(blended(diffuse, index, weight)),
         specular=image(blended(specular, index, weight)),
         roughness=image(roughness),
         tau=image(tau),
-        residual=np.where(atlas, m.residual, np.float32(0)),
+        residual=residual.astype(np.float32),
         coverage=m.coverage,
         confidence=confidence.astype(np.float32),
     )

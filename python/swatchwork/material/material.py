@@ -61,7 +61,7 @@ class Material:
     index: U32  # [H, W, n]
     weight: F32  # [H, W, n], sums to 1 on the atlas
     coverage: I32  # [H, W]
-    residual: F32  # [H, W], relative fitting error |s_hat - s| / |s_hat|
+    residual: F32  # [H, W], |s_hat - s| / |s_hat|; NaN where not measured
     vertices: F64  # [V, 3]
     faces: I32  # [F, 3]
     normals: F64  # [V, 3], unit
