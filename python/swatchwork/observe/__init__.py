@@ -1,3 +1,8 @@
 # SPDX-FileCopyrightText: Swatchwork contributors
 # SPDX-License-Identifier: MIT
-"""."""
+"""Observe: photographs resampled onto the atlas, and the rendering operator of what was observed."""
+
+from swatchwork.observe.observations import Observations, observe
+from swatchwork.observe.rendering import Pairs, Rendering, environments_of
+
+__all__ = ["Observations", "Pairs", "Rendering", "environments_of", "observe"]

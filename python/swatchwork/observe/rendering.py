@@ -1,0 +1,107 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""The rendering operator R_x of a capture: what each measured (texel, view) pair would have shown.
+
+It joins what was observed with the light of each frame and the self-shadowing of each texel, for any
+choice of texels, so that responses are made by the subset or the tile and never for all texels at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import F32, F64, I32, I64
+from ..capture import Capture
+from ..light import Environment, read_environment
+from ..reflectance import GenericBasis
+from ..response import generic_responses, representative_responses
+from ..surface import SkyMasks
+from .observations import Observations
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """The pairs of some texels: texel t of them has pairs ``offsets[t]:offsets[t + 1]`` of ``radiance``."""
+
+    pair: I64
+    """[P] numbers of the pairs in the observations."""
+    offsets: I64
+    """[T + 1]"""
+    radiance: F32
+    """[P, 3]"""
+
+
+def environments_of(capture: Capture) -> tuple[tuple[Environment, ...], I32]:
+    """The capture's different environments, each read once, and which of them lights each frame [k]."""
+    sources: list[tuple[str, str, bytes]] = []
+    environments: list[Environment] = []
+    of_frame = np.zeros(len(capture.frames), dtype=np.int32)
+    for i, frame in enumerate(capture.frames):
+        source = frame.environment or capture.environment
+        assert source is not None, "read_capture requires an environment"
+        key = (str(source.file), source.convention, np.asarray(source.world_from_environment).tobytes())
+        if key not in sources:
+            sources.append(key)
+            environments.append(read_environment(source))
+        of_frame[i] = sources.index(key)
+    return tuple(environments), of_frame
+
+
+class Rendering:
+    """R_x for the pairs of ``observations``, lit by each frame's environment, shadowed by ``sky``."""
+
+    def __init__(
+        self,
+        observations: Observations,
+        environments: tuple[Environment, ...],
+        environment_of_frame: I32,
+        sky: SkyMasks,
+    ) -> None:
+        self.observations, self.sky = observations, sky
+        self.environments, self.environment_of_frame = environments, environment_of_frame
+
+    def pairs(self, texels: I64) -> Pairs:
+        """The measured pairs of ``texels`` [T], in their order."""
+        start, stop = self.observations.offsets[texels], self.observations.offsets[texels + 1]
+        offsets = np.concatenate([[0], np.cumsum(stop - start)]).astype(np.int64)
+        pair = np.arange(offsets[-1]) + np.repeat(start - offsets[:-1], stop - start)
+        return Pairs(pair, offsets, np.ascontiguousarray(self.observations.radiance[pair]))
+
+    def generic(self, basis: GenericBasis, pairs: Pairs) -> F32:
+        """Responses of the generic kernels [P, J, 3] (Eq. 13)."""
+        return self._each(pairs, basis.kernels, lambda *a: generic_responses(basis, *a))
+
+    def representatives(self, basis: GenericBasis, representatives: F64, pairs: Pairs) -> F32:
+        """Responses of representatives [N, J, 3], as [P, N, 3] (Eq. 14)."""
+        count = len(representatives)
+        return self._each(pairs, count, lambda *a: representative_responses(basis, representatives, *a))
+
+    def tiles(self, texels: I64, pairs_at_once: int) -> Iterator[I64]:
+        """``texels`` cut into runs that have about ``pairs_at_once`` pairs each."""
+        counts = np.cumsum(self.observations.offsets[texels + 1] - self.observations.offsets[texels])
+        total = int(counts[-1]) if len(counts) else 0
+        cuts = np.searchsorted(counts, np.arange(pairs_at_once, total, pairs_at_once), side="right")
+        yield from (tile for tile in np.split(texels, np.unique(cuts)) if len(tile))
+
+    def _each(self, pairs: Pairs, columns: int, responses: Callable[..., F32]) -> F32:
+        o = self.observations
+        texel, lit_by = o.texel[pairs.pair], self.environment_of_frame[o.frame[pairs.pair]]
+        out = np.zeros((len(texel), columns, 3), dtype=np.float32)
+        for e, environment in enumerate(self.environments):
+            here = np.flatnonzero(lit_by == e)
+            if not len(here):
+                continue
+            found = responses(
+                environment.pyramid(),
+                np.ascontiguousarray(o.atlas.normal[texel[here]], dtype=np.float32),
+                np.ascontiguousarray(o.to_viewer[pairs.pair[here]]),
+                self.sky.words,
+                np.ascontiguousarray(self.sky.of_texel[texel[here]]),
+            )
+            if len(here) == len(texel):
+                return found
+            out[here] = found
+        return out
