@@ -1,3 +1,27 @@
 # SPDX-FileCopyrightText: Swatchwork contributors
 # SPDX-License-Identifier: MIT
-"""."""
+"""Whole pieces of work, from folder to folder."""
+
+from ..reconstruct import ReconstructOptions
+from ..solve import SolveOptions
+from .costs import CostRecorder, StageCost
+from .demonstration import DemoSummary, run_demo
+from .describing import describe
+from .measuring import evaluate_folders
+from .recovery import ReconstructSummary, reconstruct_folder
+from .relighting import RelightSummary, relight_folder
+
+__all__ = [
+    "CostRecorder",
+    "DemoSummary",
+    "ReconstructOptions",
+    "ReconstructSummary",
+    "RelightSummary",
+    "SolveOptions",
+    "StageCost",
+    "describe",
+    "evaluate_folders",
+    "reconstruct_folder",
+    "relight_folder",
+    "run_demo",
+]

@@ -1,0 +1,100 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""The commands, and their exit codes: 0 done, 1 a defect of ours, 2 wrong input, 130 interrupted."""
+
+from __future__ import annotations
+
+import sys
+import traceback
+from collections.abc import Sequence
+from importlib.metadata import version as installed_version
+from textwrap import dedent
+from typing import Annotated
+
+import typer
+import typer.main
+
+from ..errors import SwatchworkError
+from .console import stderr
+from .demo import demo
+from .evaluate import evaluate
+from .info import info
+from .reconstruct import reconstruct
+from .relight import relight
+
+HELP = """
+Recover what an object is made of from a few photographs under known natural light, and render it elsewhere.
+"""
+
+EPILOG = """
+[bold]New here?[/bold]  swatchwork demo demo   (under a minute; then open demo/report.html)
+
+[bold]On your own capture:[/bold]
+
+swatchwork reconstruct my-capture -o my-material
+
+swatchwork relight my-material --cameras my-capture/transforms.json -o renders
+
+[bold]Exit codes:[/bold]  0 done; 1 a defect in swatchwork; 2 wrong input, said in one line; 130 interrupted.
+"""
+
+app = typer.Typer(
+    name="swatchwork",
+    help=HELP,
+    epilog=EPILOG,
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        print(f"swatchwork {installed_version('swatchwork')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _common(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and stop.")
+    ] = False,
+) -> None:
+    pass
+
+
+for command in (reconstruct, relight, evaluate, demo, info):
+    text, _, examples = (command.__doc__ or "").partition("Examples:")
+    app.command(help=text, epilog=f"[bold]Examples:[/bold]\n\n{dedent(examples)}")(command)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; returns the exit code."""
+    try:
+        code = typer.main.get_command(app).main(
+            args=list(sys.argv[1:] if arguments is None else arguments),
+            prog_name="swatchwork",
+            standalone_mode=False,
+        )
+        return code if isinstance(code, int) else 0
+    except typer.Exit as done:
+        return done.exit_code
+    except (KeyboardInterrupt, typer.Abort):
+        stderr().print("interrupted; nothing was half-written", style="yellow")
+        return 130
+    except SwatchworkError as error:
+        stderr().print(f"error: {error}", style="bold red", markup=False, soft_wrap=True)
+        return 2
+    except BrokenPipeError:
+        return 0
+    except Exception as error:
+        if hasattr(error, "show") and hasattr(
+            error, "exit_code"
+        ):  # a usage error, by typer's or click's name
+            error.show()
+            return int(error.exit_code)
+        traceback.print_exc()
+        stderr().print("This is a defect in swatchwork, not in your input: please report it.", style="red")
+        return 1

@@ -1,0 +1,51 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""Options that several commands share, each with its unit and default in its help."""
+
+from __future__ import annotations
+
+import math
+import os
+from enum import Enum
+from typing import Annotated
+
+import typer
+
+from ..capture import CONVENTIONS
+from ..errors import InputError
+
+AsJson = Annotated[
+    bool, typer.Option("--json", help="Print one JSON object on standard output, and nothing else there.")
+]
+Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Say what each stage took.")]
+Quiet = Annotated[
+    bool, typer.Option("--quiet", "-q", help="No progress, no summary; warnings and errors only.")
+]
+Threads = Annotated[
+    int | None,
+    typer.Option(min=1, metavar="COUNT", help="Threads of the core.", show_default="all cores"),
+]
+Seed = Annotated[int, typer.Option(min=0, metavar="NUMBER", help="Seed of everything random.")]
+
+Convention = Enum("Convention", {name.replace("-", "_"): name for name in CONVENTIONS}, type=str)
+
+
+def use_threads(count: int | None) -> None:
+    """Set the size of the core's thread pool; it is made when first used."""
+    if count is not None:
+        os.environ["RAYON_NUM_THREADS"] = str(count)
+
+
+def parse_rotation(text: str | None) -> tuple[str, float] | None:
+    """``AXIS:DEGREES`` such as ``z:90``; a number alone turns about z. Raises InputError on anything else."""
+    if text is None:
+        return None
+    axis, colon, degrees = text.rpartition(":")
+    axis = axis.lower() if colon else "z"
+    try:
+        angle = float(degrees)
+    except ValueError:
+        angle = float("nan")
+    if axis not in ("x", "y", "z") or not math.isfinite(angle):
+        raise InputError(f"--environment-rotation is {text!r}", expected="AXIS:DEGREES, such as z:90")
+    return axis, angle

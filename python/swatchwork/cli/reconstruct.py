@@ -1,0 +1,183 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""``swatchwork reconstruct``."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..errors import InputError
+from .console import session
+from .options import AsJson, Quiet, Seed, Threads, Verbose, use_threads
+
+
+class Basis(StrEnum):
+    """Names of the generic bases."""
+
+    paper = "paper"
+    extended = "extended"
+
+
+class Search(StrEnum):
+    """How the blend step looks for supports."""
+
+    exact = "exact"
+    pruned = "pruned"
+    brute = "brute"
+
+
+class SearchOrder(StrEnum):
+    """How the outer search walks over n and N."""
+
+    default = "default"
+    paper = "paper"
+
+
+MATERIALS = "How many materials"
+SEARCH = "The search"
+OUTPUT = "What is said"
+
+
+def reconstruct(
+    capture: Annotated[Path, typer.Argument(help="Capture folder, or its transforms.json.")],
+    *,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Material folder to write; replaced whole.")],
+    resolution: Annotated[
+        int | None,
+        typer.Option(
+            min=8,
+            max=8192,
+            metavar="TEXELS",
+            help="Side of the square atlas, in texels.",
+            show_default="from the images' sampling of the surface",
+        ),
+    ] = None,
+    basis: Annotated[
+        Basis,
+        typer.Option(
+            help="Generic BRDFs: as published, or with what measured materials need at grazing angles."
+        ),
+    ] = Basis.extended,
+    views: Annotated[
+        int | None,
+        typer.Option(min=1, metavar="K", help="Use the first K photographs only.", show_default="all"),
+    ] = None,
+    n: Annotated[
+        int | None,
+        typer.Option(
+            "--n",
+            min=1,
+            metavar="COUNT",
+            help="Materials blended at a point, exactly so many allowed.",
+            show_default="searched",
+            rich_help_panel=MATERIALS,
+        ),
+    ] = None,
+    N: Annotated[
+        int | None,
+        typer.Option(
+            "--N",
+            min=1,
+            metavar="COUNT",
+            help="Materials altogether, exactly.",
+            show_default="searched",
+            rich_help_panel=MATERIALS,
+        ),
+    ] = None,
+    max_n: Annotated[
+        int,
+        typer.Option(
+            "--max-n", min=1, metavar="COUNT", help="Search n up to here.", rich_help_panel=MATERIALS
+        ),
+    ] = 4,
+    max_N: Annotated[
+        int,
+        typer.Option(
+            "--max-N", min=1, metavar="COUNT", help="Search N up to here.", rich_help_panel=MATERIALS
+        ),
+    ] = 12,
+    lambda0: Annotated[
+        float | None,
+        typer.Option(
+            min=0,
+            metavar="PENALTY",
+            help="Price of one more material at a point, in mean squared relative error (Eq. 5).",
+            show_default="from the noise",
+            rich_help_panel=MATERIALS,
+        ),
+    ] = None,
+    lambda1: Annotated[
+        float | None,
+        typer.Option(
+            min=0,
+            metavar="PENALTY",
+            help="Price of one more material altogether, in the same unit.",
+            show_default="from the noise",
+            rich_help_panel=MATERIALS,
+        ),
+    ] = None,
+    search: Annotated[
+        Search,
+        typer.Option(
+            help="Blend step: the certified optimum, the paper's pruning, or every support.",
+            rich_help_panel=SEARCH,
+        ),
+    ] = Search.exact,
+    search_order: Annotated[
+        SearchOrder,
+        typer.Option(help="Walk over n and N: ours, or the paper's loops exactly.", rich_help_panel=SEARCH),
+    ] = SearchOrder.default,
+    texels: Annotated[
+        int,
+        typer.Option(
+            min=10,
+            metavar="COUNT",
+            help="Surface points the search runs on; every point is blended after it.",
+            rich_help_panel=SEARCH,
+        ),
+    ] = 4000,
+    seed: Seed = 0,
+    threads: Threads = None,
+    as_json: AsJson = False,
+    verbose: Verbose = False,
+    quiet: Quiet = False,
+) -> None:
+    """Recover an object's material from a capture: photographs, mesh, environment.
+
+    Writes a material folder: the materials found (svbrdf.json), where they are (blend.exr), the mesh,
+    maps, and report.html, the page to open first. The folder appears whole or not at all.
+
+    Examples:
+
+    swatchwork reconstruct my-capture -o my-material
+
+    swatchwork reconstruct my-capture -o quick --resolution 256 --views 6
+
+    swatchwork reconstruct my-capture -o as-published --basis paper --search-order paper --search pruned
+    """
+    if n is not None and N is not None and n > N:
+        raise InputError(f"--n is {n} and --N is {N}", expected="n no larger than N")
+    use_threads(threads)
+    from ..workflow import ReconstructOptions, SolveOptions, reconstruct_folder
+
+    solve = SolveOptions(
+        n=n,
+        N=N,
+        max_n=max_n,
+        max_N=max_N,
+        lambda0=lambda0,
+        lambda1=lambda1,
+        search=search.value,
+        search_order=search_order.value,
+        seed=seed,
+    )
+    options = ReconstructOptions(resolution, basis.value, texels, solve, seed)
+    with session(as_json=as_json, quiet=quiet, verbose=verbose) as run:
+        summary = reconstruct_folder(capture, output, options, views=views, progress=run.progress)
+        run.say(summary.in_words())
+        run.say(f"Open {output / 'report.html'}")
+        run.result(summary.as_dict())

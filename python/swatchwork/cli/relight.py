@@ -1,0 +1,82 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""``swatchwork relight``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..errors import InputError
+from .console import session
+from .options import AsJson, Convention, Quiet, Threads, Verbose, parse_rotation, use_threads
+
+
+def relight(
+    material: Annotated[Path, typer.Argument(help="Material folder, as reconstruct writes it.")],
+    *,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the renders.")],
+    cameras: Annotated[
+        Path | None,
+        typer.Option(help="transforms.json with the cameras, and the light unless --environment is given."),
+    ] = None,
+    environment: Annotated[
+        Path | None, typer.Option(help="HDR light-probe image to use instead of the one in --cameras.")
+    ] = None,
+    convention: Annotated[
+        Convention | None,
+        typer.Option(help="How that image's pixels stand for directions; required with --environment."),
+    ] = None,
+    environment_rotation: Annotated[
+        str | None,
+        typer.Option(metavar="AXIS:DEGREES", help="Turn the light about a world axis, such as z:90."),
+    ] = None,
+    turntable: Annotated[
+        int,
+        typer.Option(min=0, metavar="FRAMES", help="Also turn the object before the first camera, as a GIF."),
+    ] = 0,
+    samples: Annotated[
+        int, typer.Option(min=1, max=8, metavar="COUNT", help="Samples along a pixel's side (edges).")
+    ] = 2,
+    threads: Threads = None,
+    as_json: AsJson = False,
+    verbose: Verbose = False,
+    quiet: Quiet = False,
+) -> None:
+    """Render a material from given cameras, under their light or another.
+
+    One EXR a frame under the frame's own file name: linear, RGB premultiplied by alpha; and a PNG beside it
+    to look at (gamma 2.2).
+
+    Examples:
+
+    swatchwork relight my-material --cameras my-capture/test/transforms.json -o renders
+
+    swatchwork relight my-material --cameras cameras.json --environment sky.exr --convention blender -o out
+
+    swatchwork relight my-material --cameras cameras.json --environment-rotation z:90 -o renders
+    """
+    if cameras is None:
+        raise InputError(
+            "--cameras is missing", expected="a transforms.json", hint="The capture's own will do"
+        )
+    rotation = parse_rotation(environment_rotation)
+    use_threads(threads)
+    from ..workflow import relight_folder
+
+    with session(as_json=as_json, quiet=quiet, verbose=verbose) as run:
+        summary = relight_folder(
+            material,
+            cameras,
+            output,
+            environment=environment,
+            convention=None if convention is None else convention.value,
+            rotation=rotation,
+            turntable=turntable,
+            samples=samples,
+            progress=run.progress,
+        )
+        run.say(summary.in_words())
+        run.result(summary.as_dict())

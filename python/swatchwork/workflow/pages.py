@@ -1,0 +1,152 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""The report of a reconstruction: which pictures and figures go on the page."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from importlib.metadata import version
+from typing import Any
+
+from .. import report as page
+from ..capture import Capture, Frame, read_photograph
+from ..light import Environment
+from ..material import Material
+from ..reconstruct import Reconstruction
+from ..relight import render
+from .costs import StageCost
+from .pictures import ERROR_SCALE, blend_picture, compare_pictures, coverage_picture, map_pictures, spheres
+
+SHOWN_VIEWS = 3
+
+
+def reconstruction_report(
+    found: Reconstruction,
+    capture: Capture,
+    material: Material,
+    costs: Sequence[StageCost],
+    warnings: Sequence[str],
+    summary: dict[str, Any],
+) -> page.Report:
+    """Everything the page of one reconstruction shows."""
+    chosen = [capture.frames[i] for i in spread(len(capture.frames), SHOWN_VIEWS)]
+    views, exposures = [], []
+    for frame in chosen:
+        photograph = read_photograph(frame)
+        light = environment_of(found, capture, frame)
+        rendered = render(material, frame.camera, light)
+        comparison, exposure = compare_pictures(
+            frame.name, photograph.radiance, photograph.alpha, rendered, valid=photograph.valid
+        )
+        views.append(comparison)
+        exposures.append(exposure)
+    unseen = summary["unseen"] / summary["texels"]
+    first = views[0]
+    photographs = _count(len(capture.frames), "photograph")
+    return page.Report(
+        title=capture.root.resolve().name,
+        summary=f"{photographs} under known light, and what the object is made of.",
+        hero=(
+            page.Picture(f"one of {photographs}", first.reference.pixels),
+            page.Picture("the material recovered from them", first.rendered.pixels),
+        ),
+        figures=headline(summary),
+        warnings=tuple(warnings),
+        views=tuple(views),
+        error_scale=ERROR_SCALE,
+        spheres=spheres(
+            found, material, chosen[0].camera, environment_of(found, capture, chosen[0]), exposures[0]
+        ),
+        blend_map=blend_picture(material),
+        coverage=coverage_picture(material),
+        coverage_note=(
+            f"{100 * unseen:.1f} % of the points are in no photograph; their blend is the nearest seen one's."
+            if unseen
+            else "Every point is in at least one photograph."
+        ),
+        maps=map_pictures(material),
+        trials=tuple(page.Trial(t.n, t.N, t.objective) for t in found.solution.trials),
+        chosen=(material.n, material.N),
+        status=(
+            f"{found.solution.status}; penalties lambda0 = {summary['lambda0']:.2g}, "
+            f"lambda1 = {summary['lambda1']:.2g} (Eq. 5)."
+        ),
+        inputs=inputs(capture),
+        settings=(
+            ("basis", f"{summary['basis']}, {material.basis.kernels} kernels a channel"),
+            ("atlas", f"{summary['resolution']} x {summary['resolution']}, {summary['texels']:,} texels"),
+            ("cores", str(os.cpu_count())),
+        ),
+        costs=tuple(page.StageCost(c.name, c.seconds, c.peak_mb) for c in costs),
+        next_steps=next_steps(capture),
+        version=version("swatchwork"),
+    )
+
+
+def headline(summary: dict[str, Any]) -> tuple[page.Figure, ...]:
+    """The cards at the top."""
+    seconds = sum(stage["seconds"] for stage in summary["stages"])
+    return (
+        page.Figure(
+            f"{100 * summary['misfit']:.1f} %", "misfit to the photographs", "RMS of the relative error"
+        ),
+        page.Figure(
+            str(summary["N"]),
+            "material" if summary["N"] == 1 else "materials",
+            f"{summary['n']} blended at a point" if summary["n"] > 1 else "one at each point",
+        ),
+        page.Figure(str(summary["views"]), "photograph" if summary["views"] == 1 else "photographs"),
+        page.Figure(
+            f"{summary['texels']:,}", "surface points", f"atlas of {summary['resolution']} texels a side"
+        ),
+        page.Figure(f"{seconds:.0f} s", "altogether", f"{os.cpu_count()} cores, {summary['peak_mb']:.0f} MB"),
+    )
+
+
+def environment_of(found: Reconstruction, capture: Capture, frame: Frame) -> Environment:
+    """The light of one of the capture's frames."""
+    rendering = found.rendering
+    return rendering.environments[rendering.environment_of_frame[capture.frames.index(frame)]]
+
+
+def inputs(capture: Capture) -> tuple[tuple[str, str], ...]:
+    """What the capture consists of, in words."""
+    sizes = sorted({(f.camera.width, f.camera.height) for f in capture.frames})
+    pixels = ", ".join(f"{width} x {height}" for width, height in sizes)
+    lights = {str(f.environment.file.name) for f in capture.frames if f.environment is not None}
+    rows = [
+        ("capture", capture.root.resolve().name),
+        ("photographs", f"{len(capture.frames)}, {pixels} pixels"),
+        ("mesh", capture.mesh_path.name if capture.mesh_path else "none"),
+        ("light", ", ".join(sorted(lights))),
+    ]
+    if capture.occluder_paths:
+        rows.append(("occluders", ", ".join(p.name for p in capture.occluder_paths)))
+    return tuple(rows)
+
+
+def next_steps(capture: Capture) -> tuple[tuple[str, str], ...]:
+    """Commands that continue from here."""
+    return (
+        (
+            "Render it from the capture's cameras, or any others, under the light they name:",
+            f"swatchwork relight MATERIAL --cameras {capture.file.name} -o renders",
+        ),
+        (
+            "Under a light of your own:",
+            f"swatchwork relight MATERIAL --cameras {capture.file.name} "
+            "--environment sky.exr --convention blender -o renders",
+        ),
+        ("Measure renders against photographs:", "swatchwork evaluate renders CAPTURE"),
+    )
+
+
+def spread(count: int, wanted: int) -> list[int]:
+    """``wanted`` of ``count`` numbers, evenly, the first among them."""
+    wanted = min(count, wanted)
+    return [round(i * count / wanted) for i in range(wanted)]
+
+
+def _count(count: int, noun: str) -> str:
+    return f"{count} {noun}" + ("" if count == 1 else "s")

@@ -1,0 +1,119 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""Pictures of a material and of what it should look like, ready for the page."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .. import report as page
+from ..arrays import F32, F64, U8, Bool, unit
+from ..capture import Camera
+from ..light import Environment
+from ..material import Material, material_maps
+from ..reflectance import GenericBasis
+from ..response import representative_responses
+
+PICTURE_PX = 420
+SPHERE_PX = 168
+MAP_PX = 512
+ERROR_SCALE = 0.3
+"""Error, as a fraction of the reference's RMS, that the top colour of a heat map stands for."""
+
+
+def compare_pictures(
+    name: str,
+    reference: F32,
+    alpha: F32,
+    rendered: F32,
+    *,
+    valid: Bool | None = None,
+    words: tuple[str, str] = ("photograph", "recovered"),
+) -> tuple[page.Comparison, float]:
+    """Both pictures at one exposure, cropped to the object, with their difference; and that exposure.
+
+    ``reference`` [H, W, 3] and ``rendered`` [H, W, 4] are linear and premultiplied; ``alpha`` [H, W] is the
+    reference's, or 1 everywhere where it has none.
+    """
+    coverage = np.minimum(alpha, rendered[..., 3])
+    mask = coverage > 0.5
+    if valid is not None:
+        mask &= valid
+    exposure = page.exposure_for(reference, coverage)
+    rows, columns = page.crop_box(np.asarray(coverage, dtype=np.float32))
+    error = page.relative_error(rendered, reference, mask)
+    b = reference[mask].astype(np.float64)
+    nrms = float(np.sqrt(((rendered[..., :3][mask] - b) ** 2).sum() / max(float((b**2).sum()), 1e-30)))
+
+    def picture(caption: str, pixels: U8) -> page.Picture:
+        return page.Picture(caption, page.shrink(pixels[rows, columns], PICTURE_PX))
+
+    comparison = page.Comparison(
+        name,
+        picture(words[0], page.display(reference, alpha, exposure)),
+        picture(words[1], page.display(rendered[..., :3], rendered[..., 3], exposure)),
+        picture("difference", page.heat(error, mask, ERROR_SCALE)),
+        nrms,
+    )
+    return comparison, exposure
+
+
+def spheres(
+    basis: GenericBasis, material: Material, camera: Camera, light: Environment, exposure: float
+) -> tuple[page.Picture, ...]:
+    """Each representative on an unshadowed sphere, seen from afar along the camera's axis."""
+    axis = (np.arange(SPHERE_PX * 2) + 0.5) / SPHERE_PX - 1
+    x, y = np.meshgrid(axis, -axis)
+    inside = x**2 + y**2 < 1
+    n_in_camera = unit(np.stack([x, y, np.sqrt(np.maximum(1 - x**2 - y**2, 0))], axis=-1)[inside])
+    world_from_camera: F64 = camera.world_from_camera[:3, :3]
+    normal = np.asarray(n_in_camera @ world_from_camera.T, dtype=np.float32)
+    viewer = np.ascontiguousarray(np.broadcast_to(world_from_camera[:, 2], normal.shape), dtype=np.float32)
+    shaded = representative_responses(basis, material.representatives, light.pyramid(), normal, viewer)
+    share = shares(material)
+    pictures = []
+    for i in range(material.N):
+        pixels = np.zeros((*inside.shape, 4), dtype=np.float32)
+        pixels[inside, :3], pixels[inside, 3] = shaded[:, i], 1
+        pixels = pixels.reshape(SPHERE_PX, 2, SPHERE_PX, 2, 4).mean(axis=(1, 3))
+        caption = f"{i + 1}: {100 * share[i]:.0f} % of the surface"
+        pictures.append(page.Picture(caption, page.display(pixels[..., :3], pixels[..., 3], exposure)))
+    return tuple(pictures)
+
+
+def shares(material: Material) -> F64:
+    """Each representative's share [N] of the blend over the atlas."""
+    here = material.on_atlas
+    total = np.bincount(
+        material.index[here].ravel(), weights=material.weight[here].ravel(), minlength=material.N
+    )
+    return np.asarray(total / max(float(total.sum()), 1e-30), dtype=np.float64)
+
+
+def blend_picture(material: Material) -> page.Picture:
+    """Which representative is where, in the colours of the page's dots."""
+    weight = np.where(material.on_atlas[..., None], material.weight, 0)
+    pixels = page.blend_colours(material.index, weight, material.N)
+    return page.Picture("which material is where", page.shrink(pixels, MAP_PX), crisp=True)
+
+
+def coverage_picture(material: Material) -> page.Picture:
+    """How many views saw each texel."""
+    most = max(int(material.coverage.max()), 1)
+    pixels = page.heat(np.maximum(material.coverage, 0), material.on_atlas, most)
+    return page.Picture(
+        f"photographs of each point, 0 (dark) to {most}", page.shrink(pixels, MAP_PX), crisp=True
+    )
+
+
+def map_pictures(material: Material) -> tuple[page.Picture, ...]:
+    """The maps of the paper's Fig. 15."""
+    maps, here = material_maps(material), material.on_atlas
+    pictures = []
+    for name, values in (("diffuse albedo", maps.diffuse), ("specular albedo", maps.specular)):
+        pixels = page.display(values, here.astype(np.float32), 1.0)
+        pictures.append(page.Picture(name, page.shrink(pixels, MAP_PX), crisp=True))
+    for name, plain in (("roughness, 0 to 0.5", maps.roughness / 0.5), ("Fresnel tau, 0 to 1", maps.tau)):
+        pixels = page.display(np.repeat(plain[..., None] ** 2.2, 3, axis=-1), here.astype(np.float32), 1.0)
+        pictures.append(page.Picture(name, page.shrink(pixels, MAP_PX), crisp=True))
+    return tuple(pictures)

@@ -1,0 +1,236 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""From a capture folder to a material folder: read, reconstruct, write whole, with its report."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..capture import Capture, read_capture
+from ..errors import CaptureWarning
+from ..material import BasisRecord, Material, whole_folder, write_material
+from ..progress import SILENT, Progress
+from ..reconstruct import Reconstruction, ReconstructOptions, reconstruct
+from ..report import write_report
+from ..surface import padded
+from .costs import CostRecorder, StageCost
+from .pages import reconstruction_report
+
+
+@dataclass(frozen=True)
+class ReconstructSummary:
+    """What a reconstruction found and cost, in plain numbers."""
+
+    capture: str
+    output: str
+    basis: str
+    views: int
+    resolution: int
+    texels: int
+    unseen: int
+    n: int
+    N: int
+    status: str
+    misfit: float
+    """Root mean square over texels of the relative error |s_hat - s| / |s_hat|."""
+    lambda0: float
+    lambda1: float
+    seconds: float
+    peak_mb: float
+    stages: tuple[StageCost, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return asdict(self)
+
+    def in_words(self) -> str:
+        """Two lines for a person."""
+        unseen = f", {100 * self.unseen / self.texels:.1f} % of them in no photograph" if self.unseen else ""
+        return (
+            f"{self.N} materials, {self.n} blended at a point ({self.status}); relative misfit "
+            f"{100 * self.misfit:.1f} % at {self.texels:,} surface points{unseen}.\n"
+            f"{self.views} photographs, {self.seconds:.1f} s, peak {self.peak_mb:.0f} MB. "
+            f"Material in {self.output}"
+        )
+
+
+@dataclass(frozen=True)
+class Recovered:
+    """A finished reconstruction with its material and summary."""
+
+    capture: Capture
+    reconstruction: Reconstruction
+    material: Material
+    summary: ReconstructSummary
+
+
+def reconstruct_folder(
+    capture_folder: str | PathLike[str],
+    output: str | PathLike[str],
+    options: ReconstructOptions | None = None,
+    *,
+    views: int | None = None,
+    progress: Progress = SILENT,
+) -> ReconstructSummary:
+    """Reconstruct a capture folder into a material folder, which appears whole or not at all.
+
+    Args:
+        capture_folder: the capture's folder or its transforms.json.
+        output: the material folder.
+        views: use the first so many frames only.
+
+    Raises:
+        InputError: the capture is wrong, or ``output`` holds something that is not a material.
+        OutputError: ``output`` cannot be written; what was there is intact.
+    """
+    return recover(capture_folder, output, options, views=views, progress=progress).summary
+
+
+def recover(
+    capture_folder: str | PathLike[str],
+    output: str | PathLike[str],
+    options: ReconstructOptions | None = None,
+    *,
+    views: int | None = None,
+    progress: Progress = SILENT,
+) -> Recovered:
+    """As :func:`reconstruct_folder`, and hands back all that was found."""
+    options = options or ReconstructOptions()
+    costs = CostRecorder(progress)
+    start = time.perf_counter()
+    # Find out that the output cannot be written before the work, not after it.
+    with whole_folder_is_free(output), collected_warnings() as said:
+        with costs.stage("read"):
+            capture = read_capture(capture_folder)
+            capture = capture.first(views) if views is not None else capture
+        found = reconstruct(capture, options, costs)
+        with costs.stage("write"):
+            material = material_of(found, capture)
+
+            def extra(folder: Path) -> None:
+                summary = summarise(found, capture, output, start, costs.costs)
+                report = reconstruction_report(found, capture, material, costs.costs, said, summary.as_dict())
+                write_report(folder / "report.html", report)
+
+            write_material(output, material, extra)
+    return Recovered(capture, found, material, summarise(found, capture, output, start, costs.costs))
+
+
+@contextmanager
+def whole_folder_is_free(output: str | PathLike[str]) -> Iterator[None]:
+    """Raise what :func:`material.whole_folder` would raise for ``output``, before anything is computed."""
+
+    class Untouched(Exception):
+        pass
+
+    try:
+        with whole_folder(output):
+            raise Untouched
+    except Untouched:
+        pass
+    yield
+
+
+@contextmanager
+def collected_warnings() -> Iterator[list[str]]:
+    """CaptureWarnings given within, in words and without repeats; they go on to whoever listened before."""
+    said: list[str] = []
+    with warnings.catch_warnings():
+        listener = warnings.showwarning
+
+        def show(message: Warning | str, category: type[Warning], *rest: Any) -> None:
+            if issubclass(category, CaptureWarning) and str(message) not in said:
+                said.append(str(message))
+            listener(message, category, *rest)
+
+        warnings.showwarning = show  # type: ignore[assignment]
+        yield said
+
+
+def material_of(found: Reconstruction, capture: Capture) -> Material:
+    """The reconstruction as images over the atlas; gutters repeat their nearest texel, for filters."""
+    atlas, basis, solution = found.observations.atlas, found.basis, found.solution
+    nearest = padded(atlas)
+    views = np.diff(found.observations.offsets).astype(np.int32)
+    on_atlas = atlas.texel_at >= 0
+    residual = np.nan_to_num(found.residual)
+    sigmas_of = {m: tuple(map(float, basis.sigmas_for(m))) for m in basis.maskings}
+    record = BasisRecord(
+        basis.name,
+        tuple(map(float, basis.sigmas)),
+        basis.maskings,
+        basis.diffuse,
+        {m: sigmas for m, sigmas in sigmas_of.items() if sigmas != tuple(map(float, basis.sigmas))},
+    )
+    return Material(
+        basis=record,
+        representatives=solution.representatives,
+        index=found.index[nearest],
+        weight=found.weight[nearest],
+        coverage=np.where(on_atlas, views[nearest], -1).astype(np.int32),
+        residual=np.where(on_atlas, residual[nearest], 0).astype(np.float32),
+        vertices=found.mesh.vertices,
+        faces=found.mesh.faces,
+        normals=found.mesh.normals,
+        uv=found.mesh.uv,
+        penalties={"lambda0": solution.lambda0, "lambda1": solution.lambda1},
+        solver=solution.record(),
+        inputs=fingerprints(capture),
+    )
+
+
+def fingerprints(capture: Capture) -> dict[str, str]:
+    """SHA-256 of every file the capture names, by its path within the capture where it lies there."""
+    files = [capture.file, capture.mesh_path, *capture.occluder_paths]
+    files += [
+        e.file for e in (capture.environment, *(f.environment for f in capture.frames)) if e is not None
+    ]
+    files += [p for f in capture.frames for p in (f.image_path, f.mask_path)]
+    found: dict[str, str] = {}
+    for file in files:
+        if file is not None:
+            inside = file.is_relative_to(capture.root)
+            name = file.relative_to(capture.root).as_posix() if inside else file.name
+            if name not in found:
+                with file.open("rb") as stream:
+                    found[name] = hashlib.file_digest(stream, "sha256").hexdigest()
+    return found
+
+
+def summarise(
+    found: Reconstruction,
+    capture: Capture,
+    output: str | PathLike[str],
+    start: float,
+    costs: list[StageCost],
+) -> ReconstructSummary:
+    """The plain numbers of a reconstruction begun at ``start`` (seconds of ``time.perf_counter``)."""
+    seen = np.isfinite(found.residual)
+    return ReconstructSummary(
+        capture=str(capture.file),
+        output=str(output),
+        basis=found.basis.name,
+        views=len(capture.frames),
+        resolution=found.observations.atlas.resolution,
+        texels=len(seen),
+        unseen=int(np.count_nonzero(~seen)),
+        n=int(found.index.shape[1]),
+        N=len(found.solution.representatives),
+        status=found.solution.status,
+        misfit=float(np.sqrt(np.mean(found.residual[seen].astype(np.float64) ** 2))),
+        lambda0=float(found.solution.lambda0),
+        lambda1=float(found.solution.lambda1),
+        seconds=time.perf_counter() - start,
+        peak_mb=max((cost.peak_mb for cost in costs), default=0.0),
+        stages=tuple(costs),
+    )
