@@ -144,7 +144,7 @@ class Camera:
         for _ in range(20):
             # Stay inside the range where the map is one to one, so that only its root can be found.
             radius = np.linalg.norm(xy, axis=1, keepdims=True)
-            xy = np.where(radius > limit, xy * (limit / np.maximum(radius, 1e-300)), xy)
+            xy = xy * np.minimum(1.0, limit / np.maximum(radius, 1e-300))
             error = self._distorted(xy) - target
             xx, xy_, yy = self._jacobian(xy)
             determinant = xx * yy - xy_**2

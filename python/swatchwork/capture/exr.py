@@ -4,7 +4,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -79,15 +80,24 @@ def write_exr(path: Path, pixels: Float, *, half: bool = False) -> None:
     write_exr_channels(path, {name: stored[..., i] for i, name in enumerate("RGBA"[: stored.shape[-1]])})
 
 
-def _opened(path: Path, *, header_only: bool) -> Any:
+@contextmanager
+def _opened(path: Path, *, header_only: bool) -> Iterator[Any]:
+    """An open file; whatever the library finds wrong, on opening or later, becomes an InputError."""
     if not path.is_file():
         raise InputError("no such file", file=path, expected="an EXR image")
     try:
-        return OpenEXR.File(str(path), separate_channels=True, header_only=header_only)
+        with OpenEXR.File(str(path), separate_channels=True, header_only=header_only) as file:
+            yield file
+    except InputError:
+        raise
     except Exception as error:
+        # A truncated file opens without its parts, and fails at the first question asked of it.
         reason = str(error).replace(str(path), "").strip(" :\n") or "no reason given"
         raise InputError(
-            f"cannot be read as EXR ({reason})", file=path, expected="a complete EXR image"
+            f"cannot be read as EXR ({reason})",
+            file=path,
+            expected="a complete EXR image",
+            hint="It may be truncated, or of another type than its name says",
         ) from error
 
 
