@@ -67,7 +67,7 @@ def _common(
 
 for command in (reconstruct, relight, evaluate, demo, info):
     text, _, examples = (command.__doc__ or "").partition("Examples:")
-    app.command(help=text, epilog=f"[bold]Examples:[/bold]\n\n{dedent(examples)}")(command)
+    app.command(help=text, epilog=f"[bold]Examples:[/bold]\n\n{dedent(examples).strip()}")(command)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
