@@ -1,3 +1,31 @@
 # SPDX-FileCopyrightText: Swatchwork contributors
 # SPDX-License-Identifier: MIT
-"""."""
+"""The sparse solver (section 4): representatives, blends, and how many of each.
+
+Knows matrices, not scenes: generic responses s* and measurements s_hat at texels in, representatives
+and sparse blend weights out, with a status and the history of the search.
+"""
+
+from __future__ import annotations
+
+from .alternation import Alternation, alternate
+from .blending import Blend, Search, blend
+from .options import SolveOptions
+from .penalties import Penalties
+from .problem import Problem
+from .search import solve
+from .solution import Solution, Step
+
+__all__ = [
+    "Alternation",
+    "Blend",
+    "Penalties",
+    "Problem",
+    "Search",
+    "Solution",
+    "SolveOptions",
+    "Step",
+    "alternate",
+    "blend",
+    "solve",
+]

@@ -1,0 +1,73 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""Blend optimisation (Eq. 12): the weights of each texel, given the representatives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from .. import _native
+from ..arrays import F32, F64, I64, U32
+
+Search = Literal["exact", "pruned", "brute"]
+"""``exact``: branch and bound, the global optimum; ``brute``: every support; ``pruned``: section 6."""
+
+PRUNING_SAMPLE = 0.05
+PRUNING_COVER = 0.99
+
+
+@dataclass(frozen=True)
+class Blend:
+    """Blend weights of M texels over N representatives."""
+
+    weights: F64
+    """[M, N], rows sum to 1, at most n of them above zero."""
+    squared_error: F64
+    """[M] ||s_hat_x - s_x||^2."""
+    visited: int
+    """Supports (relaxations) looked at, over all texels."""
+
+    def sparse(self, n: int) -> tuple[U32, F32]:
+        """Index [M, n] and weight [M, n], the largest weight first; unused slots have weight 0."""
+        order = np.argsort(-self.weights, axis=1, kind="stable")[:, :n]
+        weight = np.take_along_axis(self.weights, order, axis=1)
+        index = np.where(weight > 0, order, order[:, :1])
+        return index.astype(np.uint32), weight.astype(np.float32)
+
+
+def blend(
+    responses: F32,
+    radiance: F32,
+    offsets: I64,
+    n: int,
+    *,
+    search: Search = "exact",
+    previous: F64 | None = None,
+    seed: int = 0,
+) -> Blend:
+    """The best blends of at most n representatives.
+
+    Args:
+        responses: [P, N, 3] of the representatives (Eq. 14).
+        radiance: [P, 3] measured.
+        offsets: [M + 1] pairs of each texel.
+        n: most representatives a texel may blend.
+        search: how supports are searched.
+        previous: [M, N] last weights, tried first.
+        seed: of the pruned search's sample of texels.
+    """
+    weights, squared_error, visited = _native.blend(
+        np.ascontiguousarray(responses, dtype=np.float32),
+        np.ascontiguousarray(radiance, dtype=np.float32),
+        np.ascontiguousarray(offsets, dtype=np.int64),
+        n,
+        search,
+        previous,
+        PRUNING_SAMPLE,
+        PRUNING_COVER,
+        seed,
+    )
+    return Blend(weights, squared_error, visited)

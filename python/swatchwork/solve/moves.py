@@ -1,0 +1,86 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""Moves of the search between models: one representative more, one fewer, another n.
+
+A new representative is proposed from texels that the model fits badly, several ways; the one that a few
+alternations take furthest is kept. One to leave out is whichever is missed least.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..arrays import F64, Bool
+from .alternation import Alternation, alternate
+from .blending import Search, blend
+from .problem import Problem
+
+WORST_SHARES = (0.5, 0.2, 0.05)
+"""Shares of the texels, worst fitted first, that a new representative is proposed from: a material of a
+large region, of a small one, of a detail."""
+TRIAL = 4
+"""Alternations a proposal gets before it is judged."""
+CONTENDERS = 2
+"""Representatives whose removal is tried."""
+
+
+def start(problem: Problem, n: int, search: Search) -> Alternation:
+    """N = 1: one representative for all texels (section 4, Initialization)."""
+    return alternate(problem, n, weights=np.ones((problem.texels, 1)), search=search, most=1)
+
+
+def with_new(
+    problem: Problem, model: Alternation, chosen: Bool, *, shared: bool, n: int, search: Search
+) -> tuple[F64, F64]:
+    """Weights and representatives with one more, fitted to the chosen texels alone.
+
+    Args:
+        shared: whether every texel may blend the new one at once, rather than the chosen give it all
+            their weight (section 4).
+    """
+    alone = chosen.astype(np.float64)[:, None]
+    newcomer, _ = problem.representatives(alone)
+    representatives = np.concatenate([model.representatives, newcomer])
+    if shared:
+        step = blend(problem.fold(representatives), problem.radiance, problem.offsets, n, search=search)
+        return step.weights, representatives
+    kept = np.where(chosen[:, None], 0.0, model.weights)
+    return np.concatenate([kept, alone], axis=1), representatives
+
+
+def grow(problem: Problem, model: Alternation, n: int, search: Search) -> Alternation:
+    """The best of several ways to add a representative, after a few alternations."""
+    error = problem.gamma * model.squared_error
+    trials = []
+    for share in WORST_SHARES:
+        chosen = error >= np.quantile(error, 1.0 - share)
+        for shared in (False, True):
+            weights, representatives = with_new(problem, model, chosen, shared=shared, n=n, search=search)
+            trials.append(
+                alternate(
+                    problem, n, weights=weights, representatives=representatives, search=search, most=TRIAL
+                )
+            )
+    return min(trials, key=lambda trial: trial.data)
+
+
+def shrink(problem: Problem, model: Alternation, n: int, search: Search) -> Alternation:
+    """The best of several ways to do with one representative fewer, after a few alternations."""
+    missed = []
+    for i in range(model.N):
+        rest = np.delete(model.representatives, i, axis=0)
+        step = blend(problem.fold(rest), problem.radiance, problem.offsets, n, search=search)
+        missed.append((problem.mean(step.squared_error), i, step.weights))
+    missed.sort(key=lambda entry: entry[:2])
+    trials = [
+        alternate(
+            problem,
+            n,
+            weights=weights,
+            representatives=np.delete(model.representatives, i, axis=0),
+            search=search,
+            most=TRIAL,
+        )
+        for _, i, weights in missed[:CONTENDERS]
+    ]
+    return min(trials, key=lambda trial: trial.data)

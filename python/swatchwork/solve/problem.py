@@ -1,0 +1,77 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""The data of Eq. 5 at the texels that take part."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .. import _native
+from ..arrays import F32, F64, I64
+from ..errors import InputError
+
+DARK = 0.02
+"""A texel darker than this share of the median texel's root-mean-square radiance counts as that dark in
+its relative error: near-black texels carry noise, not reflectance, and would outvote the rest."""
+
+
+class Problem:
+    """Measurements and generic responses of M texels, P pairs (texel, view), J kernels a channel.
+
+    Args:
+        responses: [P, J, 3] s*, generic responses (Eq. 13), linear radiance.
+        radiance: [P, 3] s_hat, measured radiance in the same unit.
+        offsets: [M + 1]; pairs of texel x are offsets[x] to offsets[x + 1]. Every texel needs a view.
+
+    Raises:
+        InputError: a texel without views, or nothing but black measurements.
+        ValueError: shapes that do not agree, or values that are not finite.
+    """
+
+    def __init__(self, responses: F32, radiance: F32, offsets: I64) -> None:
+        self.offsets = np.ascontiguousarray(offsets, dtype=np.int64)
+        self.radiance = np.ascontiguousarray(radiance, dtype=np.float32)
+        responses = np.ascontiguousarray(responses, dtype=np.float32)
+        views = np.diff(self.offsets)
+        if len(views) == 0 or views.min() < 1:
+            raise InputError(
+                f"{int((views < 1).sum())} of {len(views)} texels are seen by no view",
+                expected="only texels with measurements",
+                hint="Leave unseen texels out of the problem; they are filled afterwards.",
+            )
+        energy = np.add.reduceat((self.radiance.astype(np.float64) ** 2).sum(axis=1), self.offsets[:-1])
+        typical = float(np.median(energy / views))
+        if typical <= 0:
+            raise InputError(
+                "more than half of the measured texels are black",
+                expected="photographs of a lit object",
+                hint="Check exposure, masks and poses.",
+            )
+        self.texels = len(views)
+        self.kernels = responses.shape[1]
+        self.measurements: F64 = 3.0 * views
+        """[M] K of each texel."""
+        self._native = _native.SolverProblem(
+            responses, self.radiance, self.offsets, DARK**2 * typical * views.astype(np.float64)
+        )
+        self.gamma: F64 = self._native.gamma
+        """[M] 1 / ||s_hat_x||^2, with a floor for near-black texels."""
+
+    def representatives(self, weights: F64, start: F64 | None = None) -> tuple[F64, float]:
+        """Optimal representatives [N, J, 3] for weights [M, N] (Eqs. 6, 7), and the data term of Eq. 5."""
+        if start is None:
+            start = np.zeros((weights.shape[1], self.kernels, 3))
+        representatives, value, converged = self._native.representatives(
+            np.ascontiguousarray(weights), np.ascontiguousarray(start)
+        )
+        if not converged:
+            raise RuntimeError("the representative step reached its iteration limit")
+        return representatives, value
+
+    def fold(self, representatives: F64) -> F32:
+        """Responses [P, N, 3] of representatives [N, J, 3] (Eq. 14)."""
+        return self._native.fold(np.ascontiguousarray(representatives))
+
+    def mean(self, squared_error: F64) -> float:
+        """The data term of Eq. 5 from squared errors [M], as a mean over texels."""
+        return float(np.mean(self.gamma * squared_error))

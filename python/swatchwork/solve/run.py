@@ -1,0 +1,58 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""What a search over n and N carries along, whatever its order."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..progress import Task
+from .alternation import Alternation, alternate
+from .options import SolveOptions
+from .penalties import Penalties
+from .problem import Problem
+from .solution import Step
+
+COARSE = 5.0
+"""The tolerance of alternations on the way, over that of the last refinement."""
+
+
+@dataclass
+class Run:
+    """The problem, the options, the penalties as they stand, and the history."""
+
+    problem: Problem
+    options: SolveOptions
+    penalties: Penalties
+    task: Task
+    history: list[Step] = field(default_factory=list)
+
+    def settle(self, model: Alternation, n: int, move: str, coarse: float = COARSE) -> Alternation:
+        """Alternate to convergence from a model, and write down where it ended."""
+        options = self.options
+        settled = alternate(
+            self.problem,
+            n,
+            weights=model.weights,
+            representatives=model.representatives,
+            search=options.search,
+            tolerance=coarse * options.tolerance,
+            most=options.max_alternations,
+            seed=options.seed,
+        )
+        self.note(settled, n, move)
+        return settled
+
+    def note(self, model: Alternation, n: int, move: str) -> None:
+        self.penalties.observe(model.data, n)
+        self.history.append(
+            Step(n, model.N, move, model.count, model.data, self.penalties.objective(model.data, n, model.N))
+        )
+        error = 100 * np.sqrt(model.data)
+        self.task.describe(f"n = {n}, N = {model.N}: relative error {error:.2g} %")
+        self.task.advance(model.count)
+
+    def objective(self, model: Alternation, n: int) -> float:
+        return self.penalties.objective(model.data, n, model.N)

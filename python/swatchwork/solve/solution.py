@@ -1,0 +1,63 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""What the solver returns: never a bare array."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal
+
+from ..arrays import F64
+
+Status = Literal["converged", "alternation limit"]
+
+
+@dataclass(frozen=True)
+class Step:
+    """One (n, N) that the search looked at."""
+
+    n: int
+    N: int
+    move: str
+    """What led there: start, grow, shrink, relax or refine."""
+    alternations: int
+    data: float
+    """Data term of Eq. 5, a mean over texels of squared relative errors."""
+    objective: float
+    """With the penalties as they stood then."""
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Representatives, the texels' blends, and how they were found."""
+
+    representatives: F64
+    """[N, J, 3] weights w* of the generic kernels, per colour channel."""
+    weights: F64
+    """[M, N] blend weights of the problem's texels."""
+    relative_error: F64
+    """[M] ||s_hat - s||^2 / ||s_hat||^2 at each texel."""
+    n: int
+    N: int
+    data: float
+    objective: float
+    lambda0: float
+    lambda1: float
+    noise: float
+    """Relative root-mean-square of what the model leaves, freedoms counted off."""
+    status: Status
+    history: list[Step] = field(default_factory=list)
+
+    def summary(self) -> dict[str, Any]:
+        """Everything but the arrays, for JSON."""
+        return {
+            "n": self.n,
+            "N": self.N,
+            "data": self.data,
+            "objective": self.objective,
+            "lambda0": self.lambda0,
+            "lambda1": self.lambda1,
+            "noise": self.noise,
+            "status": self.status,
+            "history": [asdict(step) for step in self.history],
+        }
