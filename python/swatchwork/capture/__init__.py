@@ -7,7 +7,8 @@ from swatchwork.capture.capture import CONVENTIONS, Capture, EnvironmentSource, 
 from swatchwork.capture.exr import read_exr_channels, write_exr, write_exr_channels
 from swatchwork.capture.images import Image, linear_from_srgb, read_image, write_png
 from swatchwork.capture.photograph import Photograph, check_radiance, read_mask, read_photograph
-from swatchwork.capture.transforms import read_capture, write_capture
+from swatchwork.capture.transforms import read_capture
+from swatchwork.capture.writing import write_capture
 
 __all__ = [
     "CONVENTIONS",

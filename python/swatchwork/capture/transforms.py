@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Swatchwork contributors
 # SPDX-License-Identifier: MIT
-"""`transforms.json`, the capture format of nerfstudio and NeRF-Blender with a mesh and an environment."""
+"""Reading `transforms.json`, the capture format of nerfstudio and NeRF-Blender with a mesh and an environment."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from swatchwork.capture.capture import CONVENTIONS, Capture, EnvironmentSource, 
 from swatchwork.capture.fields import Fields, path_within
 from swatchwork.capture.images import IMAGE_SUFFIXES, image_size
 from swatchwork.capture.photograph import size_error
-from swatchwork.errors import InputError, OutputError
+from swatchwork.errors import InputError
 
 FORMAT_VERSION = 1
 """What ``format_version`` may say; a file without the key is taken as this version."""
@@ -82,54 +82,6 @@ def read_capture(path: str | os.PathLike[str], *, require_images: bool = True) -
         seen.add(frame.name)
         frames.append(frame)
     return Capture(root, file, mesh_path, occluder_paths, environment, tuple(frames))
-
-
-def write_capture(capture: Capture, folder: str | os.PathLike[str]) -> Path:
-    """Write ``folder/transforms.json``, with paths relative to the folder; gives the file's path.
-
-    The files that the capture names must lie in the folder (mesh, occluders and environments also
-    beside it), since a capture refers to nothing else; nothing is copied.
-
-    Raises:
-        InputError: a file of the capture lies elsewhere.
-        OutputError: the file cannot be written; one that was there before is intact.
-    """
-    folder = Path(folder)
-    file = folder / "transforms.json"
-    document: dict[str, Any] = {"format_version": FORMAT_VERSION}
-    if capture.mesh_path is not None:
-        document["mesh"] = _relative(capture.mesh_path, folder, "mesh", above=1)
-    if capture.environment is not None:
-        document["environment"] = _environment_entry(capture.environment, folder)
-    if capture.occluder_paths:
-        document["occluders"] = [_relative(o, folder, "occluders", above=1) for o in capture.occluder_paths]
-    intrinsics = [_intrinsics_entry(frame.camera) for frame in capture.frames]
-    shared = all(entry == intrinsics[0] for entry in intrinsics)
-    if shared:
-        document |= intrinsics[0]
-    document["frames"] = []
-    for frame, own in zip(capture.frames, intrinsics, strict=True):
-        entry: dict[str, Any] = {"file_path": _relative(frame.image_path, folder, "file_path")}
-        if folder / os.path.normpath(frame.name) == frame.image_path.with_suffix(""):
-            entry["file_path"] = frame.name
-        entry["transform_matrix"] = frame.camera.world_from_camera.tolist()
-        if frame.mask_path is not None:
-            entry["mask_path"] = _relative(frame.mask_path, folder, "mask_path")
-        if frame.exposure != 1.0:
-            entry["exposure"] = frame.exposure
-        if frame.environment is not None and frame.environment is not capture.environment:
-            entry["environment"] = _environment_entry(frame.environment, folder)
-        document["frames"].append(entry if shared else entry | own)
-
-    partial = file.with_name(file.name + ".partial")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        partial.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
-        partial.replace(file)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise OutputError(f"{file}: cannot be written ({error})") from error
-    return file
 
 
 def _parsed(file: Path) -> Any:
@@ -277,27 +229,3 @@ def _mask_path(root: Path, fields: Fields, must_exist: bool) -> Path | None:
             f'"mask_path" is {text!r}, and there is no {path}', file=fields.where, expected="an existing file"
         )
     return path
-
-
-def _relative(path: Path, folder: Path, key: str, *, above: int = 0) -> str:
-    text = Path(os.path.relpath(path, folder)).as_posix()
-    path_within(folder, text, f"{path}", key, above=above)
-    return text
-
-
-def _environment_entry(source: EnvironmentSource, folder: Path) -> dict[str, Any]:
-    entry: dict[str, Any] = {
-        "file": _relative(source.file, folder, "file", above=1),
-        "convention": source.convention,
-    }
-    if not np.array_equal(source.world_from_environment, np.eye(3)):
-        matrix = np.eye(4)
-        matrix[:3, :3] = source.world_from_environment
-        entry["transform_matrix"] = matrix.tolist()
-    return entry
-
-
-def _intrinsics_entry(camera: Camera) -> dict[str, Any]:
-    entry: dict[str, Any] = {"w": camera.width, "h": camera.height, "fl_x": camera.fx, "fl_y": camera.fy}
-    entry |= {"cx": camera.cx, "cy": camera.cy}
-    return entry | {key: getattr(camera, key) for key in DISTORTION if getattr(camera, key) != 0}

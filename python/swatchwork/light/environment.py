@@ -29,7 +29,7 @@ Bilinear lookups in a base of 1024 differ from those in its 1024 x 512 raster by
 """
 
 FINEST = 8192
-"""Lookups across the square that `octahedral` makes at most (half a minute); wider rasters are halved first."""
+"""Lookups across the square that `octahedral` makes at most (half a minute); wider rasters are halved."""
 
 
 @dataclass(frozen=True, eq=False)
