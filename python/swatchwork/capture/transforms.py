@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Swatchwork contributors
 # SPDX-License-Identifier: MIT
-"""Reading `transforms.json`, the capture format of nerfstudio and NeRF-Blender with a mesh and an environment."""
+"""Reading `transforms.json`: nerfstudio's and NeRF-Blender's format with a mesh and an environment."""
 
 from __future__ import annotations
 
