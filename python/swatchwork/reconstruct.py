@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.spatial import cKDTree
 
-from .arrays import F32, F64, I64, U32
+from .arrays import F32, F64, U32
 from .capture import Capture
 from .errors import InputError
-from .observe import Observations, Rendering, environments_of, observe
+from .observe import Observations, Rendering, environments_of, observe, stratified
 from .progress import SILENT, Progress
 from .reflectance import GenericBasis, basis_by_name
 from .solve import Problem, Solution, SolveOptions, blend, solve
@@ -48,6 +48,7 @@ class Reconstruction:
     """What was found, and what it was found from."""
 
     mesh: Mesh
+    scene: RayScene
     observations: Observations
     rendering: Rendering
     basis: GenericBasis
@@ -85,7 +86,7 @@ def reconstruct(
         solution = solve(problem, options.solve, progress)
     with progress.stage("blend"):
         found = blend_every_texel(rendering, basis, solution, progress)
-    return Reconstruction(mesh, observations, rendering, basis, solution, *found)
+    return Reconstruction(mesh, scene, observations, rendering, basis, solution, *found)
 
 
 def surface_of(capture: Capture, resolution: int | None) -> tuple[Mesh, RayScene, int]:
@@ -96,16 +97,6 @@ def surface_of(capture: Capture, resolution: int | None) -> tuple[Mesh, RayScene
     resolution = resolution or default_resolution(given, [frame.camera for frame in capture.frames])
     mesh = parametrised(given, resolution)
     return mesh, RayScene([mesh, *map(read_mesh, capture.occluder_paths)]), resolution
-
-
-def stratified(observations: Observations, count: int, seed: int) -> I64:
-    """About ``count`` texels that some view sees: a random one of each equal run along the atlas."""
-    seen = np.flatnonzero(np.diff(observations.offsets) > 0)
-    if count >= len(seen):
-        return seen
-    edges = np.linspace(0, len(seen), count + 1)
-    places = edges[:-1] + np.random.default_rng(seed).random(count) * np.diff(edges)
-    return seen[np.unique(places.astype(np.int64))]
 
 
 def blend_every_texel(
@@ -122,7 +113,9 @@ def blend_every_texel(
         for tile in rendering.tiles(seen, PAIRS_AT_ONCE):
             pairs = rendering.pairs(tile)
             responses = rendering.representatives(basis, representatives, pairs)
-            index[tile], weight[tile], residual[tile] = blend(responses, pairs.radiance, pairs.offsets, n)
+            best = blend(responses, pairs.radiance, pairs.offsets, n)
+            index[tile], weight[tile] = best.sparse(n)
+            residual[tile] = rendering.relative_error(pairs, best.squared_error)
             task.advance(len(tile))
     unseen = np.flatnonzero(np.diff(observations.offsets) == 0)
     if len(unseen):

@@ -71,33 +71,49 @@ class ConsoleProgress:
     def stage(self, name: str, total: float | None = None) -> Iterator[Task]:
         """See ``swatchwork.progress.Progress``."""
         outermost = self._depth == 0
-        if self._bars is None:
-            self._bars = _Bars(
-                SpinnerColumn(),
-                TextColumn("{task.description}"),
-                BarColumn(bar_width=24),
-                TaskProgressColumn(),
-                TimeElapsedColumn(),
-                TextColumn("left"),
-                TimeRemainingColumn(),
-                console=self.console,
-                transient=True,
-            )
-            self._bars.start()
-        label = "  " * self._depth + name
-        task = self._bars.add_task(label, total=total)
         start = time.perf_counter()
         self._depth += 1
         try:
-            yield _BarTask(self._bars, task, label)
+            with self._bar(name, total) as task:
+                yield task
             if outermost and (self.verbose or not self.console.is_terminal):
-                self.console.print(f"{name}: {time.perf_counter() - start:.1f} s", style="dim")
+                self.console.print(f"{name}: {time.perf_counter() - start:.1f} s", style="dim", markup=False)
         finally:
             self._depth -= 1
-            self._bars.remove_task(task)
+
+    @contextmanager
+    def _bar(self, name: str, total: float | None) -> Iterator[Task]:
+        if not self.console.is_terminal:
+            with SILENT.stage(name, total) as task:
+                yield task
+            return
+        outermost = self._bars is None
+        bars = self._bars = self._bars or _bars(self.console)
+        label = "  " * (self._depth - 1) + name
+        number = bars.add_task(label, total=total)
+        try:
+            yield _BarTask(bars, number, label)
+        finally:
+            bars.remove_task(number)
             if outermost:
-                self._bars.stop()
+                bars.stop()
                 self._bars = None
+
+
+def _bars(console: Console) -> _Bars:
+    bars = _Bars(
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        BarColumn(bar_width=24),
+        TaskProgressColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+        console=console,
+        transient=True,
+    )
+    bars.start()
+    return bars
 
 
 @dataclass

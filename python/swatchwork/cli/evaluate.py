@@ -14,7 +14,7 @@ from .console import session
 from .options import AsJson, Quiet, Verbose
 
 if TYPE_CHECKING:
-    from ..evaluate import Evaluation
+    from ..evaluate import Evaluation, FrameEvaluation
 
 
 def evaluate(
@@ -60,7 +60,8 @@ def _table(found: Evaluation) -> Table:
     names = ["NRMS %", *(["inner %", "rim %"] if rim else []), "PSNR-H dB", "PSNR-L dB", "SSIM"]
     for name in names:
         table.add_column(name, justify="right")
-    for frame in (*found.frames, found):
+    rows: list[tuple[str, Evaluation | FrameEvaluation]] = [(frame.name, frame) for frame in found.frames]
+    for name, frame in (*rows, ("overall", found)):
         split = [f"{100 * (x or 0):.2f}" for x in (frame.nrms_inner, frame.nrms_rim)] if rim else []
         cells = [
             f"{100 * frame.nrms:.2f}",
@@ -71,5 +72,5 @@ def _table(found: Evaluation) -> Table:
         ]
         if frame is found:
             table.add_section()
-        table.add_row(getattr(frame, "name", "overall"), *cells, style="bold" if frame is found else None)
+        table.add_row(name, *cells, style="bold" if frame is found else None)
     return table

@@ -6,12 +6,11 @@ from __future__ import annotations
 
 import math
 import os
-from enum import Enum
+from enum import StrEnum
 from typing import Annotated
 
 import typer
 
-from ..capture import CONVENTIONS
 from ..errors import InputError
 
 AsJson = Annotated[
@@ -27,7 +26,13 @@ Threads = Annotated[
 ]
 Seed = Annotated[int, typer.Option(min=0, metavar="NUMBER", help="Seed of everything random.")]
 
-Convention = Enum("Convention", {name.replace("-", "_"): name for name in CONVENTIONS}, type=str)
+
+class Convention(StrEnum):
+    """Names of the environment conventions."""
+
+    blender = "blender"
+    mitsuba = "mitsuba"
+    debevec_angular = "debevec-angular"
 
 
 def use_threads(count: int | None) -> None:

@@ -93,13 +93,13 @@ def reconstruct(
         typer.Option(
             "--max-n", min=1, metavar="COUNT", help="Search n up to here.", rich_help_panel=MATERIALS
         ),
-    ] = 4,
+    ] = 5,
     max_N: Annotated[
         int,
         typer.Option(
             "--max-N", min=1, metavar="COUNT", help="Search N up to here.", rich_help_panel=MATERIALS
         ),
-    ] = 12,
+    ] = 18,
     lambda0: Annotated[
         float | None,
         typer.Option(

@@ -74,7 +74,7 @@ def relight(
             environment=environment,
             convention=None if convention is None else convention.value,
             rotation=rotation,
-            turntable=turntable,
+            turntable_frames=turntable,
             samples=samples,
             progress=run.progress,
         )

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -20,6 +21,9 @@ from ..reflectance import GenericBasis
 from ..response import generic_responses, representative_responses
 from ..surface import SkyMasks
 from .observations import Observations
+
+DARK = 0.02
+"""A pair darker than this share of the median pair counts as that dark in a relative error: as in `solve`."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +36,16 @@ class Pairs:
     """[T + 1]"""
     radiance: F32
     """[P, 3]"""
+
+
+def stratified(observations: Observations, count: int, seed: int) -> I64:
+    """About ``count`` texels that some view sees: a random one of each equal run along the atlas."""
+    seen = np.flatnonzero(np.diff(observations.offsets) > 0)
+    if count >= len(seen):
+        return seen
+    edges = np.linspace(0, len(seen), count + 1)
+    places = edges[:-1] + np.random.default_rng(seed).random(count) * np.diff(edges)
+    return seen[np.unique(places.astype(np.int64))]
 
 
 def environments_of(capture: Capture) -> tuple[tuple[Environment, ...], I32]:
@@ -85,6 +99,17 @@ class Rendering:
         total = int(counts[-1]) if len(counts) else 0
         cuts = np.searchsorted(counts, np.arange(pairs_at_once, total, pairs_at_once), side="right")
         yield from (tile for tile in np.split(texels, np.unique(cuts)) if len(tile))
+
+    def relative_error(self, pairs: Pairs, squared_error: F64) -> F64:
+        """|s_hat - s| / |s_hat| [T] of texels, from |s_hat - s|^2; near-black ones count as dark grey."""
+        views = np.diff(pairs.offsets)
+        energy = np.add.reduceat((pairs.radiance.astype(np.float64) ** 2).sum(axis=1), pairs.offsets[:-1])
+        return np.asarray(np.sqrt(squared_error / np.maximum(energy, DARK**2 * self._typical * views)))
+
+    @cached_property
+    def _typical(self) -> float:
+        o = self.observations
+        return max(float(np.median((o.radiance.astype(np.float64) ** 2).sum(axis=1))), 1e-30)
 
     def _each(self, pairs: Pairs, columns: int, responses: Callable[..., F32]) -> F32:
         o = self.observations

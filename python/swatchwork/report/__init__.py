@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from os import PathLike
 from pathlib import Path
 
@@ -40,6 +41,7 @@ def write_report(file: str | PathLike[str], report: Report) -> Path:
         partial.write_text(render_page(report), encoding="utf-8")
         partial.replace(path)
     except OSError as error:
-        partial.unlink(missing_ok=True)
+        with suppress(OSError):
+            partial.unlink()
         raise OutputError(f"{path}: the report could not be written: {error.strerror}") from error
     return path

@@ -14,7 +14,8 @@ from ..capture import Capture, Frame, read_photograph
 from ..light import Environment
 from ..material import Material
 from ..reconstruct import Reconstruction
-from ..relight import render
+from ..relight import RelitScene, render
+from ..surface import padded
 from .costs import StageCost
 from .pictures import ERROR_SCALE, blend_picture, compare_pictures, coverage_picture, map_pictures, spheres
 
@@ -31,11 +32,12 @@ def reconstruction_report(
 ) -> page.Report:
     """Everything the page of one reconstruction shows."""
     chosen = [capture.frames[i] for i in spread(len(capture.frames), SHOWN_VIEWS)]
+    scene = relit(found)
     views, exposures = [], []
     for frame in chosen:
         photograph = read_photograph(frame)
         light = environment_of(found, capture, frame)
-        rendered = render(material, frame.camera, light)
+        rendered = render(scene, frame.camera, light)
         comparison, exposure = compare_pictures(
             frame.name, photograph.radiance, photograph.alpha, rendered, valid=photograph.valid
         )
@@ -56,7 +58,7 @@ def reconstruction_report(
         views=tuple(views),
         error_scale=ERROR_SCALE,
         spheres=spheres(
-            found, material, chosen[0].camera, environment_of(found, capture, chosen[0]), exposures[0]
+            found.basis, material, chosen[0].camera, environment_of(found, capture, chosen[0]), exposures[0]
         ),
         blend_map=blend_picture(material),
         coverage=coverage_picture(material),
@@ -66,7 +68,7 @@ def reconstruction_report(
             else "Every point is in at least one photograph."
         ),
         maps=map_pictures(material),
-        trials=tuple(page.Trial(t.n, t.N, t.objective) for t in found.solution.trials),
+        trials=tuple(page.Trial(t.n, t.N, t.objective) for t in found.solution.history),
         chosen=(material.n, material.N),
         status=(
             f"{found.solution.status}; penalties lambda0 = {summary['lambda0']:.2g}, "
@@ -81,6 +83,20 @@ def reconstruction_report(
         costs=tuple(page.StageCost(c.name, c.seconds, c.peak_mb) for c in costs),
         next_steps=next_steps(capture),
         version=version("swatchwork"),
+    )
+
+
+def relit(found: Reconstruction) -> RelitScene:
+    """The reconstruction ready to render, with the shadows it was made with."""
+    return RelitScene(
+        mesh=found.mesh,
+        rays=found.scene,
+        basis=found.basis,
+        representatives=found.solution.representatives,
+        texel_of_pixel=padded(found.observations.atlas),
+        index=found.index,
+        weight=found.weight,
+        sky=found.rendering.sky,
     )
 
 
@@ -107,7 +123,7 @@ def headline(summary: dict[str, Any]) -> tuple[page.Figure, ...]:
 def environment_of(found: Reconstruction, capture: Capture, frame: Frame) -> Environment:
     """The light of one of the capture's frames."""
     rendering = found.rendering
-    return rendering.environments[rendering.environment_of_frame[capture.frames.index(frame)]]
+    return rendering.environments[int(rendering.environment_of_frame[capture.frames.index(frame)])]
 
 
 def inputs(capture: Capture) -> tuple[tuple[str, str], ...]:

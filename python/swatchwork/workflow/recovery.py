@@ -161,6 +161,7 @@ def material_of(found: Reconstruction, capture: Capture) -> Material:
     """The reconstruction as images over the atlas; gutters repeat their nearest texel, for filters."""
     atlas, basis, solution = found.observations.atlas, found.basis, found.solution
     nearest = padded(atlas)
+    assert found.mesh.uv is not None, "the atlas was made from them"
     views = np.diff(found.observations.offsets).astype(np.int32)
     on_atlas = atlas.texel_at >= 0
     residual = np.nan_to_num(found.residual)
@@ -184,7 +185,7 @@ def material_of(found: Reconstruction, capture: Capture) -> Material:
         normals=found.mesh.normals,
         uv=found.mesh.uv,
         penalties={"lambda0": solution.lambda0, "lambda1": solution.lambda1},
-        solver=solution.record(),
+        solver=solution.summary(),
         inputs=fingerprints(capture),
     )
 
