@@ -28,13 +28,13 @@ def read_obj(path: Path) -> tuple[F64, I64, F64 | None, F64 | None]:
         with path.open(encoding="utf-8", errors="replace") as file:
             for line in file:
                 number += 1
-                words = line.split()
+                words = line.partition("#")[0].split()
                 if not words:
                     continue
                 if words[0] in rows:
                     rows[words[0]].append(words[1:4])
                 elif words[0] == "f":
-                    polygon = [_corner(word, rows) for word in words[1:] if not word.startswith("#")]
+                    polygon = [_corner(word, rows) for word in words[1:]]
                     for i in range(1, len(polygon) - 1):
                         corners += (polygon[0], polygon[i], polygon[i + 1])
         number = 0

@@ -18,10 +18,14 @@ from swatchwork.surface.atlas import Atlas
 from swatchwork.surface.rays import RayScene
 
 SIZE = 64
-# Placeholder until measured.
+# Sharing's error in irradiance under the capture's own probe, NRMS over 1000 texels of a 512 x 512 atlas, and
+# CPU seconds: igea-merl 2000 samples 2.4 % (1.5 s), 8000 1.3 % (5 s), 32000 0.9 % (20 s); spot the same.
+# No masks at all: 5 % and 19 %. The median texel is off by 0.07 % at 8000; the rest sits at contacts and
+# creases, where four times the rays only halve it. 8000 masks are 4 MB.
 SAMPLES = 8000
-# A radian between normals counts, when clustering, like this many radii of the object between positions.
-NORMAL_WEIGHT = 0.25
+# A radian between normals counts, when clustering, like this many radii of the object between positions
+# (0.05 and 0.1 measure alike, 0.25 and 0.5 worse by a quarter and a half).
+NORMAL_WEIGHT = 0.1
 # Texels whose normal is further than this from their sample's are given samples of their own.
 COMPATIBLE = np.cos(np.radians(30))
 # Cells this far (as a sine) below a sample's horizon are cast too, for members that are tilted against it.
