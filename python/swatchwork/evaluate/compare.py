@@ -182,7 +182,9 @@ def _references(references: Path) -> Iterator[tuple[str, F32, Bool, Frame | None
 def _render_of(renders: Path, name: str) -> Path:
     """The render of the frame ``name``: by its relative path if there is one, else by its file name."""
     tried = []
-    for stem in dict.fromkeys((Path(name).with_suffix(""), Path(Path(name).stem))):
+    # A frame's name may lack a suffix, as NeRF-Blender's do: cut only what is one.
+    bare = Path(name).with_suffix("") if Path(name).suffix.lower() in SUFFIXES else Path(name)
+    for stem in dict.fromkeys((bare, Path(bare.name))):
         for suffix in SUFFIXES:
             path = renders / stem.with_name(stem.name + suffix)
             if path.is_file():

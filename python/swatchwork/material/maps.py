@@ -16,7 +16,8 @@ They are summaries; the material itself is the blend of representatives.
   two views that fit perfectly. A hint for eyes, no probability.
 
 Energies e_j are luminances c1 + c0 / 21: 1/21 is the cosine-weighted mean of (1 - cos)^5. Roughness and
-tau are 0 where nothing is specular, the residual where nothing was measured; all maps are 0 off the atlas, coverage -1.
+tau are 0 where nothing is specular, the residual where nothing was measured; off the atlas all maps are
+0 and coverage is -1.
 """
 
 from __future__ import annotations
