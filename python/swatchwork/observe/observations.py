@@ -76,11 +76,11 @@ def observe(
             task.describe(frame.name)
             photograph = read(frame)
             pixels = pixel_map(scene, frame.camera)
-            _check_silhouette(capture, frame, photograph, pixels)
             texel = np.flatnonzero(sees(scene, atlas, frame.camera))
             radiance, kept = sample(atlas, texel, frame.camera, pixels, photograph)
             if not kept.any():
                 raise _nothing_seen(capture, frame, len(texel))
+            _check_silhouette(capture, frame, photograph, pixels)
             texels.append(texel[kept])
             radiances.append(radiance[kept])
             task.advance()

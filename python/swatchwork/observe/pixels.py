@@ -50,7 +50,8 @@ def pixel_map(scene: RayScene, camera: Camera) -> PixelMap:
 
     critical = np.flatnonzero(_critical(point.reshape(height, width, 3), mesh.reshape(height, width), camera))
     if len(critical):
-        offset = (np.arange(SUBPIXELS) + 0.5) / SUBPIXELS - 0.5
+        # From border to border: what is whole at its corners is whole.
+        offset = np.linspace(-0.5, 0.5, SUBPIXELS)
         grid = np.stack(np.meshgrid(offset, offset), axis=-1).reshape(-1, 2)
         inside = (centres[critical][:, None] + grid).reshape(-1, 2)
         p, n, m = _hits(scene, camera, inside)
