@@ -3,16 +3,22 @@
 """Synthetic problems and captures with known truth, for tests, benchmarks, experiments and the demo."""
 
 from .blends import blend_pattern, dense_weights
+from .captures import SyntheticCapture, simulate_capture
 from .environments import KINDS, procedural_environment
 from .materials import Lobe, Recipe, four_materials, ggx_basis, ggx_mixture, in_basis, in_ggx
+from .photographs import Subject, photograph
 from .problem import Pairs, SyntheticProblem, fibonacci_sphere, two_of_four
+from .shapes import SHAPES, shape
 from .viewpoints import camera_towards, look_at, random_directions, ring_directions
 
 __all__ = [
     "KINDS",
+    "SHAPES",
     "Lobe",
     "Pairs",
     "Recipe",
+    "Subject",
+    "SyntheticCapture",
     "SyntheticProblem",
     "blend_pattern",
     "camera_towards",
@@ -24,8 +30,11 @@ __all__ = [
     "in_basis",
     "in_ggx",
     "look_at",
+    "photograph",
     "procedural_environment",
     "random_directions",
     "ring_directions",
+    "shape",
+    "simulate_capture",
     "two_of_four",
 ]
