@@ -251,6 +251,6 @@ def test_a_rendered_capture_is_registered(shared: Path) -> None:
         return left / total
 
     right = unexplained(blend)
-    # Measured: 0.19; flips 0.54 and 0.64; a slip by four texels 0.29. What is left is the light within a patch.
+    # Measured: 0.19; flips 0.54 and 0.64; a slip by four texels 0.29. The rest is the light within a patch.
     assert right < 0.5 * unexplained(blend[:, ::-1]) and right < 0.5 * unexplained(blend[::-1])
     assert right < 0.8 * unexplained(np.roll(blend, 4, axis=1))
