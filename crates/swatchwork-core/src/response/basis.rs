@@ -24,6 +24,9 @@ pub enum Masking {
     Smith(f32),
 }
 
+/// Most masking terms of a basis.
+pub const MOST_MASKINGS: usize = 4;
+
 /// One specular kernel: weights over the ring means of one plane.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SpecularRow {
@@ -41,9 +44,21 @@ pub type DiffuseRow = [f32; 4];
 #[derive(Debug, Clone, PartialEq)]
 pub struct Basis {
     pub(super) rings: Vec<Ring>,
+    /// Tangential part (x, y >= 0) of the half-vectors, ring after ring; each stands for (x, -y) too.
+    pub(super) tangential: Vec<[f32; 2]>,
     pub(super) maskings: Vec<Masking>,
     pub(super) specular: Vec<SpecularRow>,
     pub(super) diffuse: Vec<DiffuseRow>,
+}
+
+/// Samples of one half of a ring, at the middles of its parts.
+fn half_ring(ring: &Ring) -> impl Iterator<Item = [f32; 2]> + use<> {
+    let (t, count) = (f64::from(ring.tangent), ring.azimuths);
+    let sine = t / (1.0 + t * t).sqrt();
+    (0..count / 2).map(move |j| {
+        let phi = (f64::from(j) + 0.5) * 2.0 * std::f64::consts::PI / f64::from(count);
+        [(sine * phi.cos()) as f32, (sine * phi.sin()) as f32]
+    })
 }
 
 /// Why a basis cannot be used; the message names the part at fault.
@@ -72,6 +87,12 @@ impl Basis {
                 )));
             }
         }
+        if maskings.len() > MOST_MASKINGS {
+            return Err(BasisError(format!(
+                "{} masking terms; at most {MOST_MASKINGS}",
+                maskings.len()
+            )));
+        }
         for (j, row) in specular.iter().enumerate() {
             if row.plane >= 2 * maskings.len() {
                 return Err(BasisError(format!(
@@ -93,7 +114,9 @@ impl Basis {
         if specular.is_empty() && diffuse.is_empty() {
             return Err(BasisError("there is no kernel".into()));
         }
+        let tangential = rings.iter().flat_map(half_ring).collect();
         Ok(Self {
+            tangential,
             rings,
             maskings,
             specular,

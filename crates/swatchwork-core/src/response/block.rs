@@ -3,8 +3,8 @@
 
 //! Ring means of one block of pairs: sixteen pairs walk the same half-vectors, a pair a lane.
 
-use super::basis::{Basis, Masking};
-use super::lanes::{Array, LANES, Lanes, Sky};
+use super::basis::{Basis, MOST_MASKINGS, Masking};
+use super::lanes::{Array, LANES, Lanes, Sky, each};
 use super::pyramid::Pyramid;
 
 /// Local frames of a block of pairs. Lanes without a pair repeat one, with `live` 0.
@@ -32,10 +32,8 @@ impl Frames {
             live: [0.0; LANES],
         };
         for k in 0..LANES {
-            let (n, o) = (
-                normal[k.min(normal.len() - 1)],
-                to_viewer[k.min(normal.len() - 1)],
-            );
+            let at = k.min(normal.len() - 1);
+            let (n, o) = (unit(normal[at]), unit(to_viewer[at]));
             let cosine = dot(n, o);
             let tangential = [0, 1, 2].map(|c| o[c] - cosine * n[c]);
             let sine = dot(tangential, tangential).sqrt();
@@ -62,6 +60,16 @@ impl Frames {
 
 fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// The direction of a vector, z for one that has none: lookups stay inside the square whatever is given.
+fn unit(v: [f32; 3]) -> [f32; 3] {
+    let length = dot(v, v).sqrt();
+    if length.is_finite() && length > 0.0 {
+        v.map(|x| x / length)
+    } else {
+        [0.0, 0.0, 1.0]
+    }
 }
 
 fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
@@ -93,71 +101,88 @@ pub fn ring_means<L: Lanes>(
     sky: &Sky,
     means: &mut [Array],
 ) {
-    let [x, y, z] =
-        [&frames.x, &frames.y, &frames.z].map(|axis| [0, 1, 2].map(|c| L::load(&axis[c])));
+    // Sums stay in registers where their number is known.
+    match basis.maskings.len() {
+        0 => {}
+        1 => ring_sums::<L, 1>(basis, pyramid, frames, sky, means),
+        2 => ring_sums::<L, 2>(basis, pyramid, frames, sky, means),
+        3 => ring_sums::<L, 3>(basis, pyramid, frames, sky, means),
+        _ => ring_sums::<L, MOST_MASKINGS>(basis, pyramid, frames, sky, means),
+    }
+}
+
+#[inline(always)]
+fn ring_sums<L: Lanes, const G: usize>(
+    basis: &Basis,
+    pyramid: &Pyramid,
+    frames: &Frames,
+    sky: &Sky,
+    means: &mut [Array],
+) {
+    let x = each!(C => L::load(&frames.x[C]));
+    let y = each!(C => L::load(&frames.y[C]));
+    let z = each!(C => L::load(&frames.z[C]));
     let (ox, oz) = (L::load(&frames.sine), L::load(&frames.cosine));
-    let live = L::load(&frames.live);
     let (zero, one, two) = (L::splat(0.0), L::splat(1.0), L::splat(2.0));
+    let unit = L::load(&frames.live) * L::splat(L::fetch_unit(pyramid)) / oz;
     let texels = (pyramid.size() * pyramid.size()) as f32;
+    let mut shadows = [Shadow::<L>::VGroove; G];
+    for g in 0..G {
+        shadows[g] = Shadow::new(basis.maskings[g], oz);
+    }
+    let mut halves = basis.tangential.as_slice();
     for (r, ring) in basis.rings.iter().enumerate() {
         let cosine = 1.0 / (1.0 + ring.tangent * ring.tangent).sqrt();
-        let sine = ring.tangent * cosine;
-        // Texels of the base that a sample's solid angle 4 (o.h) dh covers; half a level sharper.
-        let area =
-            L::splat(4.0 * ring.solid_angle * texels / (4.0 * std::f32::consts::PI) * SHARPEN);
-        let scale = live / (oz * L::splat(cosine * ring.azimuths as f32));
-        for plane in 0..2 * basis.maskings.len() {
-            let at = 3 * (basis.plane_start(plane) + r);
-            means[at..at + 3].fill([0.0; LANES]);
-        }
-        for j in 0..ring.azimuths / 2 {
-            let phi = (j as f32 + 0.5) * (2.0 * std::f32::consts::PI / ring.azimuths as f32);
-            let (hx, hy, hz) = (
-                L::splat(sine * phi.cos()),
-                L::splat(sine * phi.sin()),
-                L::splat(cosine),
-            );
+        let hz = L::splat(cosine);
+        // Texels of the base that a sample's solid angle 4 (o.h) dh covers, made sharper.
+        let area = L::splat(ring.solid_angle * texels * (SHARPEN / std::f32::consts::PI));
+        let mut sums = [[[zero; 3]; 2]; G];
+        let (own, rest) = halves.split_at(ring.azimuths as usize / 2);
+        halves = rest;
+        for &[hx, hy] in own {
+            let (hx, hy) = (L::splat(hx), L::splat(hy));
             let oh = ox.fma(hx, oz * hz);
-            let in_ = (two * oh).fma(hz, zero - oz);
+            let twice = two * oh;
+            let in_ = twice.fma(hz, zero - oz);
             let lit = oh.min(in_);
             if !lit.any_positive() {
                 continue;
             }
             // i and its mirror image in the plane of normal and viewer share everything but the side.
-            let ix = (two * oh).fma(hx, zero - ox);
-            let iy = two * oh * hy;
-            let middle = [0, 1, 2].map(|c| ix.fma(x[c], in_ * z[c]));
-            let side = [0, 1, 2].map(|c| iy * y[c]);
-            let right = radiance::<L>(
-                pyramid,
-                sky,
-                [0, 1, 2].map(|c| middle[c] + side[c]),
-                oh * area,
-            );
-            let left = radiance::<L>(
-                pyramid,
-                sky,
-                [0, 1, 2].map(|c| middle[c] - side[c]),
-                oh * area,
-            );
-            let common = lit.positive(oh * scale, zero);
-            let both = [0, 1, 2].map(|c| (right[c] + left[c]) * common);
+            let ix = twice.fma(hx, zero - ox);
+            let iy = twice * hy;
+            let middle = each!(C => ix.fma(x[C], in_ * z[C]));
+            let right = each!(C => iy.fma(y[C], middle[C]));
+            let left = each!(C => (zero - iy).fma(y[C], middle[C]));
+            let right = radiance::<L>(pyramid, sky, right, oh * area);
+            let left = radiance::<L>(pyramid, sky, left, oh * area);
+            let both = each!(C => right[C] + left[C]);
             let f = fifth_power(one - oh);
-            for (g, &masking) in basis.maskings.iter().enumerate() {
-                let masked = self::masking::<L>(masking, in_, oz, oh, hz);
-                let at = [0, 1].map(|tau| 3 * (basis.plane_start(2 * g + tau) + r));
+            for g in 0..G {
+                let (shadow, sums) = (&shadows[g], &mut sums[g]);
+                let shadowed = lit.positive(shadow.times_cosine(in_, oz, oh, hz), zero);
                 for c in 0..3 {
-                    let value = both[c] * masked;
-                    means[at[1] + c] = (L::load(&means[at[1] + c]) + value).store();
-                    means[at[0] + c] = value.fma(f, L::load(&means[at[0] + c])).store();
+                    let value = both[c] * shadowed;
+                    sums[1][c] = sums[1][c] + value;
+                    sums[0][c] = value.fma(f, sums[0][c]);
+                }
+            }
+        }
+        let scale = unit * L::splat(1.0 / (cosine * ring.azimuths as f32));
+        for (g, sums) in sums.iter().enumerate() {
+            for (tau, sums) in sums.iter().enumerate() {
+                let at = 3 * (basis.plane_start(2 * g + tau) + r);
+                for c in 0..3 {
+                    means[at + c] = (sums[c] * scale).store();
                 }
             }
         }
     }
 }
 
-/// Half a level sharper than the sample's solid angle (measured best; a level is a factor 4 in area).
-const SHARPEN: f32 = 0.5 * 2.0;
+/// How much smaller a pyramid level's texel is than a sample's solid angle, as an area: half a level
+/// (measured best; a level is a factor 4). The level is rounded down, which is half a level more.
+const SHARPEN: f32 = 1.0;
 
 /// (1 - cosine)^5 of Schlick's term.
 #[inline(always)]
@@ -166,14 +191,43 @@ pub fn fifth_power<L: Lanes>(v: L) -> L {
     square * square * v
 }
 
-#[inline(always)]
-fn masking<L: Lanes>(masking: Masking, in_: L, on: L, oh: L, hn: L) -> L {
-    match masking {
-        Masking::VGroove => L::splat(1.0).min(L::splat(2.0) * hn * in_.min(on) / oh),
-        Masking::Smith(alpha) => {
-            let (a, b) = (L::splat(alpha * alpha), L::splat(1.0 - alpha * alpha));
-            let width = |v: L| v + (v * v).fma(b, a).sqrt();
-            L::splat(4.0) * in_ * on / (width(in_) * width(on))
+/// A masking term, with what depends on the viewer alone worked out.
+#[derive(Clone, Copy)]
+enum Shadow<L> {
+    VGroove,
+    Smith { square: L, rest: L, viewer: L },
+}
+
+impl<L: Lanes> Shadow<L> {
+    #[inline(always)]
+    fn new(masking: Masking, on: L) -> Self {
+        match masking {
+            Masking::VGroove => Self::VGroove,
+            Masking::Smith(alpha) => {
+                let (square, rest) = (L::splat(alpha * alpha), L::splat(1.0 - alpha * alpha));
+                let width = on + (on * on).fma(rest, square).sqrt();
+                Self::Smith {
+                    square,
+                    rest,
+                    viewer: L::splat(4.0) * on / width,
+                }
+            }
+        }
+    }
+
+    /// G (o.h).
+    #[inline(always)]
+    fn times_cosine(&self, in_: L, on: L, oh: L, hn: L) -> L {
+        match *self {
+            Self::VGroove => oh.min((hn + hn) * in_.min(on)),
+            Self::Smith {
+                square,
+                rest,
+                viewer,
+            } => {
+                let width = in_ + (in_ * in_).fma(rest, square).sqrt();
+                oh * viewer * in_ / width
+            }
         }
     }
 }
@@ -187,7 +241,7 @@ fn radiance<L: Lanes>(pyramid: &Pyramid, sky: &Sky, d: [L; 3], area: L) -> [L; 3
         return radiance;
     }
     let visible = L::visible(sky, u, v);
-    radiance.map(|c| c * visible)
+    each!(C => radiance[C] * visible)
 }
 
 /// The octahedral map of `octahedral::square_from_direction`, with a polynomial arc tangent.

@@ -13,6 +13,28 @@ pub const LANES: usize = 16;
 /// One value a lane.
 pub type Array = [f32; LANES];
 
+/// An array of three from an expression in `c`. Closures would do, but they are compiled without the
+/// target features of the function they are in, and vector instructions then stay calls.
+macro_rules! each {
+    ($c:ident => $value:expr) => {
+        [
+            {
+                const $c: usize = 0;
+                $value
+            },
+            {
+                const $c: usize = 1;
+                $value
+            },
+            {
+                const $c: usize = 2;
+                $value
+            },
+        ]
+    };
+}
+pub(super) use each;
+
 /// Visibility of the sky for the pairs of a block.
 #[derive(Clone, Copy)]
 pub struct Sky<'a> {
@@ -45,6 +67,10 @@ pub trait Lanes:
     fn keep(bits: u16, v: Self) -> Self;
     /// Whether self > 0 in any lane.
     fn any_positive(self) -> bool;
+    /// What `fetch` counts radiance in.
+    fn fetch_unit(pyramid: &Pyramid) -> f32 {
+        pyramid.quad_unit
+    }
     /// Bilinear radiance at a point (u, v) of the square. The level is floor(log2(area) / 2), for
     /// an `area` in texels of the base.
     fn fetch(pyramid: &Pyramid, u: Self, v: Self, area: Self) -> [Self; 3];
@@ -52,13 +78,13 @@ pub trait Lanes:
     fn visible(sky: &Sky, u: Self, v: Self) -> Self;
 }
 
-/// Plain arrays that the compiler vectorises as it can; `FMA` where the target has fused multiply-add.
+/// Plain arrays, for machines without a faster implementation, and as the vector versions' twin.
 #[derive(Clone, Copy)]
-pub struct Plain<const FMA: bool>(Array);
+pub struct Plain(Array);
 
 macro_rules! lanewise {
     ($trait:ident, $name:ident, $op:tt) => {
-        impl<const FMA: bool> $trait for Plain<FMA> {
+        impl $trait for Plain {
             type Output = Self;
             #[inline(always)]
             fn $name(self, other: Self) -> Self {
@@ -72,7 +98,7 @@ lanewise!(Sub, sub, -);
 lanewise!(Mul, mul, *);
 lanewise!(Div, div, /);
 
-impl<const FMA: bool> Lanes for Plain<FMA> {
+impl Lanes for Plain {
     #[inline(always)]
     fn splat(v: f32) -> Self {
         Self([v; LANES])
@@ -87,13 +113,7 @@ impl<const FMA: bool> Lanes for Plain<FMA> {
     }
     #[inline(always)]
     fn fma(self, b: Self, c: Self) -> Self {
-        Self(std::array::from_fn(|k| {
-            if FMA {
-                self.0[k].mul_add(b.0[k], c.0[k])
-            } else {
-                self.0[k] * b.0[k] + c.0[k]
-            }
-        }))
+        Self(std::array::from_fn(|k| self.0[k] * b.0[k] + c.0[k]))
     }
     #[inline(always)]
     fn sqrt(self) -> Self {
@@ -142,6 +162,10 @@ impl<const FMA: bool> Lanes for Plain<FMA> {
     #[inline(always)]
     fn any_positive(self) -> bool {
         self.0.iter().any(|&v| v > 0.0)
+    }
+
+    fn fetch_unit(_: &Pyramid) -> f32 {
+        1.0
     }
 
     #[inline(always)]

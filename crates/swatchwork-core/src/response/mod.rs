@@ -8,6 +8,10 @@
 //! Beckmann lobe integrates over a ring in closed form: the lookups are made once a pair, and the
 //! kernels are a matrix over ring means.
 
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+#[cfg(target_arch = "x86_64")]
+mod avx512;
 mod basis;
 mod block;
 mod diffuse;

@@ -9,10 +9,13 @@ use super::octahedral::direction_from_square;
 /// Cells along a side of the sky masks, and of the level that diffuse kernels integrate.
 pub const CELLS: usize = 64;
 
+/// Largest side of a base.
+pub const LARGEST: usize = 8192;
+
 /// Why a raster cannot become a pyramid.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum PyramidError {
-    /// The side is not a power of two of at least 2.
+    /// The side is not a power of two from 2 to 8192.
     Size(usize),
     /// A value is NaN, infinite or negative; the index counts scalars.
     Value(usize),
@@ -27,11 +30,22 @@ pub struct Level {
     pub size: usize,
 }
 
+/// Upper left, upper right, lower left and lower right texel of a fetch, RGBA in half precision.
+#[derive(Debug, Clone, Copy)]
+#[repr(C, align(32))]
+pub struct Quad(pub [[u16; 4]; 4]);
+
 /// All levels of an environment, from the base down to a single texel.
 #[derive(Debug, Clone)]
 pub struct Pyramid {
     pub(super) texels: Vec<[f32; 4]>,
     pub(super) levels: Vec<Level>,
+    /// The same levels for the vector kernels: the four texels of each bilinear fetch side by side,
+    /// in half precision after division by `quad_unit`, and where each level's quads start.
+    pub(super) quads: Vec<Quad>,
+    pub(super) quad_unit: f32,
+    pub(super) quad_start: [i32; 16],
+    pub(super) quad_size: [f32; 16],
     /// Radiance [3][CELLS * CELLS] and directions [3][CELLS * CELLS] of the sky-mask cells.
     pub(super) cell_radiance: [Vec<f32>; 3],
     pub(super) cell_direction: [Vec<f32>; 3],
@@ -40,7 +54,10 @@ pub struct Pyramid {
 impl Pyramid {
     /// Builds the pyramid of area-mean radiance `base` [size, size, 3].
     pub fn new(base: &[f32], size: usize) -> Result<Self, PyramidError> {
-        if !size.is_power_of_two() || size < 2 || base.len() != size * size * 3 {
+        if !size.is_power_of_two()
+            || !(2..=LARGEST).contains(&size)
+            || base.len() != size * size * 3
+        {
             return Err(PyramidError::Size(size));
         }
         if let Some(at) = base.iter().position(|v| !v.is_finite() || *v < 0.0) {
@@ -65,12 +82,40 @@ impl Pyramid {
         let channel = |c: usize| cells.iter().map(|v| v[c]).collect::<Vec<f32>>();
         let directions = cell_directions();
         let axis = |c: usize| directions.iter().map(|d| d[c]).collect::<Vec<f32>>();
-        Ok(Self {
+        let mut pyramid = Self {
             texels,
             levels,
+            quads: Vec::new(),
+            quad_unit: 1.0,
+            quad_start: [0; 16],
+            quad_size: [0.0; 16],
             cell_radiance: [channel(0), channel(1), channel(2)],
             cell_direction: [axis(0), axis(1), axis(2)],
-        })
+        };
+        pyramid.pack_quads();
+        Ok(pyramid)
+    }
+
+    /// Packs the levels into quads. A power of two brings the brightest texel just below 2^15, so that
+    /// half precision keeps eleven bits down to 2^-29 of it.
+    fn pack_quads(&mut self) {
+        let brightest = self.texels.iter().flatten().fold(0.0f32, |m, &v| m.max(v));
+        if brightest > 0.0 {
+            self.quad_unit = (brightest.log2().ceil() - 15.0).clamp(-126.0, 126.0).exp2();
+        }
+        let packed = |t: &[f32; 4]| t.map(|v| half_from_single(v / self.quad_unit));
+        for (at, level) in self.levels.iter().enumerate() {
+            self.quad_start[at] = self.quads.len() as i32;
+            self.quad_size[at] = level.size as f32;
+            let stride = level.size + 2;
+            for j in 0..=level.size {
+                for i in 0..=level.size {
+                    let first = level.start + j * stride + i;
+                    let four = [first, first + 1, first + stride, first + stride + 1];
+                    self.quads.push(Quad(four.map(|k| packed(&self.texels[k]))));
+                }
+            }
+        }
     }
 
     /// Texels along a side of the base.
@@ -83,6 +128,16 @@ impl Pyramid {
         let top = &self.texels[self.levels[self.levels.len() - 1].start];
         [top[0], top[1], top[2]]
     }
+}
+
+/// Nearest half-precision number of a value in [0, 65504], ties to even.
+fn half_from_single(v: f32) -> u16 {
+    if v < 2.0f32.powi(-14) {
+        return (v * 2.0f32.powi(24)).round_ties_even() as u16;
+    }
+    let bits = v.to_bits();
+    let rounded = bits + 0xfff + ((bits >> 13) & 1);
+    ((rounded >> 13) - (112 << 10)) as u16
 }
 
 /// 2x2 means of a raster of even side, in double precision per texel.
@@ -179,6 +234,19 @@ mod tests {
                     assert!(jump.abs() < 0.12, "{jump}");
                 }
             }
+        }
+    }
+
+    #[test]
+    fn half_precision_rounds_to_nearest() {
+        for (v, bits) in [
+            (0.0, 0),
+            (1.0, 0x3c00),
+            (32768.0, 0x7800),
+            (5.960_464_5e-8, 1),
+            (0.1, 0x2e66),
+        ] {
+            assert_eq!(half_from_single(v), bits, "{v}");
         }
     }
 

@@ -9,6 +9,8 @@ use super::diffuse::cosine_integrals;
 use super::fold::{Folded, fold_kernels, fold_representatives, transpose};
 use super::lanes::{Array, LANES, Lanes, Plain, Sky};
 use super::pyramid::{CELLS, Pyramid};
+#[cfg(target_arch = "x86_64")]
+use super::{avx2::Avx2, avx512::Avx512};
 use rayon::prelude::*;
 
 /// Surface points and where they are seen from, all in the world frame. Slices have the same length.
@@ -164,11 +166,11 @@ fn dispatch(
             enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma,f16c,bmi1,bmi2,popcnt"
         )]
         fn avx512(job: &Job, first: usize, means: &mut [Array], results: &mut [Array]) {
-            block::<Plain<true>>(job, first, means, results);
+            block::<Avx512>(job, first, means, results);
         }
         #[target_feature(enable = "avx2,fma,f16c,bmi1,bmi2,popcnt")]
         fn avx2(job: &Job, first: usize, means: &mut [Array], results: &mut [Array]) {
-            block::<Plain<true>>(job, first, means, results);
+            block::<Avx2>(job, first, means, results);
         }
         match set {
             // SAFETY: `run` has checked that the machine has the instruction set.
@@ -177,7 +179,7 @@ fn dispatch(
             InstructionSet::Baseline => {}
         }
     }
-    block::<Plain<false>>(job, first, means, results);
+    block::<Plain>(job, first, means, results);
 }
 
 /// One block: ring means, cosine integrals, and the products with the weights.

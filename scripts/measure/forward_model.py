@@ -1,0 +1,190 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""Measure the rendering operator against brute-force quadrature, kernel by kernel.
+
+Real probes (latitude-longitude, from --data) light random (normal, viewer) pairs with n.o > 0.1. The
+reference samples each lobe at the quantiles of its own distribution, 384 x 384 half-vectors a pair
+and roughness, and looks the original raster up bilinearly, so that the octahedral resampling counts
+as error too. Prints NRMS of each kernel and probe, and the lookups that a pair costs.
+
+    python scripts/measure/forward_model.py --data FOLDER [--pairs 400] [--cache reference.npz]
+    python scripts/measure/forward_model.py --data FOLDER --cache reference.npz --alternatives
+"""
+
+from __future__ import annotations
+
+import argparse
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from swatchwork._native import Pyramid
+from swatchwork.arrays import F32, F64, Float, unit
+from swatchwork.octahedral import direction_from_square
+from swatchwork.reflectance import DIFFUSE_KERNELS, GenericBasis, masking_value, schlick
+from swatchwork.response import DEFAULT_RINGS, Rings, compiled, generic_responses
+
+MASKINGS = ("vgroove", "smith:0.2", "smith:0.5")
+BASIS = GenericBasis("every kernel", maskings=MASKINGS, diffuse=tuple(DIFFUSE_KERNELS))
+SIGMAS = BASIS.sigmas
+SIDE, DIFFUSE_SIDE, CHUNK = 384, 768, 1 << 14
+
+
+def probes(folder: Path) -> dict[str, F32]:
+    """Linear RGB rasters by name."""
+    files = sorted(folder.glob("*.hdr"))
+    return {f.stem.split("_")[0]: cv2.imread(str(f), cv2.IMREAD_UNCHANGED)[..., ::-1].copy() for f in files}
+
+
+def random_pairs(count: int, seed: int = 7) -> tuple[F64, F64]:
+    """Normals and viewers, uniform on the sphere with n.o > 0.1."""
+    rng = np.random.default_rng(seed)
+    n, o = unit(rng.normal(size=(20 * count, 3))), unit(rng.normal(size=(20 * count, 3)))
+    keep = np.flatnonzero(np.sum(n * o, axis=1) > 0.1)[:count]
+    return n[keep], o[keep]
+
+
+def corners(d: Float, height: int, width: int) -> tuple[F64, F64]:
+    """Four texel numbers and bilinear weights [4, K] of directions [K, 3], texel centres at +0.5."""
+    column = (np.arctan2(d[:, 0], -d[:, 2]) / (2 * np.pi) + 0.5) * width - 0.5
+    row = np.clip(np.arccos(np.clip(d[:, 1], -1, 1)) / np.pi * height - 0.5, 0, height - 1)
+    j = np.minimum(row.astype(np.int64), height - 2)
+    i = np.floor(column).astype(np.int64)
+    q, p = row - j, column - i
+    left, right = i % width, (i + 1) % width
+    texel = np.stack([j * width + left, j * width + right, (j + 1) * width + left, (j + 1) * width + right])
+    return texel, np.stack([(1 - p) * (1 - q), p * (1 - q), (1 - p) * q, p * q])
+
+
+def gather(raster: F32, height: int, d: F64, weights: F64) -> F64:
+    """Sums [W, C] over directions [K, 3] of weights [W, K] times the raster [H * W, C] looked up."""
+    total = np.zeros((len(weights), raster.shape[1]))
+    for start in range(0, len(d), CHUNK):
+        part = slice(start, start + CHUNK)
+        texel, bilinear = corners(d[part], height, len(raster) // height)
+        for k in range(4):
+            total += (weights[:, part] * bilinear[k]).astype(np.float32) @ raster[texel[k]]
+    return total
+
+
+def frame(n: F64, o: F64) -> tuple[F64, F64]:
+    """Rows x, y, n of the local frame in the world, and the viewer in it."""
+    cosine = float(n @ o)
+    x = unit(o - cosine * n)
+    return np.stack([x, np.cross(n, x), n]), np.array([np.sqrt(max(0.0, 1 - cosine**2)), 0.0, cosine])
+
+
+def pair_reference(raster: F32, height: int, n: F64, o: F64, every: int) -> F64:
+    """Responses [J, C] of BASIS for one pair (Eqs. 1, 8 to 11)."""
+    world_from_local, viewer = frame(n, o)
+    out = np.zeros((BASIS.kernels, raster.shape[1]))
+    quantile = (np.arange(SIDE) + 0.5) / SIDE
+    cos_phi, sin_phi = np.cos(2 * np.pi * quantile), np.sin(2 * np.pi * quantile)
+    count = len(BASIS.sigmas)
+    for s, sigma in list(enumerate(SIGMAS))[::-every]:
+        t = (sigma * np.sqrt(-np.log1p(-quantile)))[:, None]
+        n_h = 1 / np.sqrt(1 + t * t)
+        h = np.stack(np.broadcast_arrays(t * n_h * cos_phi, t * n_h * sin_phi, n_h), -1).reshape(-1, 3)
+        o_h = h @ viewer
+        i = 2 * o_h[:, None] * h - viewer
+        lit = (o_h > 0) & (i[:, 2] > 0)
+        h, o_h, i = h[lit], o_h[lit], i[lit]
+        value = o_h / (viewer[2] * h[:, 2]) / SIDE**2
+        shadowed = [masking_value(m, i[:, 2], viewer[2], o_h, h[:, 2]) * value for m in MASKINGS]
+        weights = np.stack([g * schlick(o_h, tau) for g in shadowed for tau in (0, 1)])
+        rows = np.arange(2 * len(MASKINGS)) * count + s
+        out[rows] = gather(raster, height, i @ world_from_local, weights)
+    quantile = (np.arange(DIFFUSE_SIDE) + 0.5) / DIFFUSE_SIDE
+    radius, phi = np.sqrt(quantile)[:, None], 2 * np.pi * quantile
+    i = np.stack(np.broadcast_arrays(radius * np.cos(phi), radius * np.sin(phi), np.sqrt(1 - radius**2)), -1)
+    i = i.reshape(-1, 3)
+    weights = np.stack([np.ones(len(i)), schlick(i[:, 2])]) / len(i)
+    e = gather(raster, height, i @ world_from_local, weights)
+    f = float(schlick(viewer[2]))
+    for k, (a, b, c, d) in enumerate(DIFFUSE_KERNELS.values()):
+        out[6 * count + k] = (a + b * f) * e[0] + (c + d * f) * e[1]
+    return out
+
+
+def _task(args: tuple[F32, int, F64, F64, int]) -> F64:
+    raster, height, normals, viewers, every = args
+    pairs = zip(normals, viewers, strict=True)
+    return np.stack([pair_reference(raster, height, n, o, every) for n, o in pairs])
+
+
+def reference(rasters: list[F32], n: F64, o: F64, processes: int, every: int) -> F64:
+    """Responses [P, J, probe, 3], computed in parallel."""
+    height = len(rasters[0])
+    stacked = np.concatenate([r.reshape(-1, 3) for r in rasters], axis=1)
+    parts = np.array_split(np.arange(len(n)), processes)
+    with ProcessPoolExecutor(processes) as pool:
+        done = pool.map(_task, [(stacked, height, n[p], o[p], every) for p in parts])
+        return np.concatenate(list(done)).reshape(len(n), BASIS.kernels, len(rasters), 3)
+
+
+def octahedral_base(raster: F32, size: int, oversampling: int = 4) -> F32:
+    """Area means [size, size, 3] of a raster looked up bilinearly, in the raster's own frame."""
+    fine = size * oversampling
+    out = np.zeros((size, size, 3), np.float32)
+    centre = (np.arange(fine) + 0.5) / fine
+    for j in range(size):
+        rows = centre[j * oversampling : (j + 1) * oversampling]
+        d = direction_from_square(np.stack(np.meshgrid(centre, rows), -1)).reshape(-1, 3)
+        texel, bilinear = corners(d, *raster.shape[:2])
+        value = np.einsum("kp,kpc->pc", bilinear, raster.reshape(-1, 3)[texel])
+        out[j] = value.reshape(oversampling, size, oversampling, 3).mean(axis=(0, 2))
+    return out
+
+
+def errors(pyramids: list[Pyramid], rings: Rings, n: F64, o: F64, truth: F64) -> F64:
+    """NRMS [J, probe] over pairs and channels."""
+    found = [generic_responses(BASIS, pyramid, n, o, rings=rings) for pyramid in pyramids]
+    difference = np.stack(found, axis=2) - truth
+    scale = np.sum(truth**2, axis=(0, 3))
+    error = np.sqrt(np.sum(difference**2, axis=(0, 3)) / np.where(scale > 0, scale, 1.0))
+    return np.where(scale > 0, error, np.nan)
+
+
+def summary(error: F64) -> str:
+    """Worst kernels in percent: sigma below 0.1, all specular, diffuse."""
+    count = len(BASIS.lobes)
+    sharp = np.array([lobe.sigma < 0.1 for lobe in BASIS.lobes])
+    parts = (error[:count][sharp], error[:count][~sharp], error[count:])
+    return "  ".join(f"{100 * np.nanmax(e):6.2f}" for e in parts)
+
+
+def print_table(names: list[str], error: F64) -> None:
+    """NRMS in percent of each kernel and probe, and the worst ones."""
+    print(f"{'kernel':28}" + "".join(f"{name:>11}" for name in names))
+    labels = [f"{m} tau={tau} sigma={s:.4f}" for m, tau, s in BASIS.lobes] + list(BASIS.diffuse)
+    for label, row in zip(labels, error, strict=True):
+        print(f"{label:28}" + "".join(f"{100 * e:11.3f}" for e in row))
+    print(f"worst (sigma < 0.1, rest, diffuse): {summary(error)} %")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--data", type=Path, required=True, help="folder of latitude-longitude .hdr probes")
+    parser.add_argument("--pairs", type=int, default=400)
+    parser.add_argument("--base", type=int, default=512, help="side of the octahedral base")
+    parser.add_argument("--cache", type=Path, help="keep the reference here")
+    parser.add_argument("--every", type=int, default=1, help="measure only every so manieth roughness")
+    parser.add_argument("--processes", type=int, default=2)
+    args = parser.parse_args()
+    rasters = probes(args.data)
+    n, o = random_pairs(args.pairs)
+    if args.cache and args.cache.exists():
+        truth = np.load(args.cache)["truth"][: args.pairs]
+    else:
+        truth = reference(list(rasters.values()), n, o, args.processes, args.every)
+        if args.cache:
+            np.savez(args.cache, truth=truth)
+    pyramids = [Pyramid(octahedral_base(raster, args.base)) for raster in rasters.values()]
+    print_table(list(rasters), errors(pyramids, DEFAULT_RINGS, n, o, truth))
+    print(f"lookups a pair: {compiled(BASIS, DEFAULT_RINGS).lookups}")
+
+
+if __name__ == "__main__":
+    main()
