@@ -55,7 +55,7 @@ def observe(
     """Sample every photograph at the texels it shows.
 
     Args:
-        capture: frames with cameras; those of ``frames`` only.
+        capture: its frames; nothing else of it is read.
         atlas: of the mesh that comes first in ``scene``.
         scene: the object and its occluders.
         read: how a frame becomes a photograph (synthetic captures pass their own).

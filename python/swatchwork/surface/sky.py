@@ -19,9 +19,9 @@ from swatchwork.surface.rays import RayScene
 
 SIZE = 64
 # Sharing's error in irradiance under the capture's own probe, NRMS over 1000 texels of a 512 x 512 atlas, and
-# CPU seconds: igea-merl 2000 samples 2.4 % (1.5 s), 8000 1.3 % (5 s), 32000 0.9 % (20 s); spot the same.
-# No masks at all: 5 % and 19 %. The median texel is off by 0.07 % at 8000; the rest sits at contacts and
-# creases, where four times the rays only halve it. 8000 masks are 4 MB.
+# CPU seconds: igea-merl 2000 samples 2.1 % (1.8 s), 8000 1.3 % (5.5 s), 32000 0.8 % (20 s); spot 2.4 %
+# (1.5 s), 1.2 % (4.2 s), 0.9 % (16 s). No masks at all: 5.2 % and 19 %. At 8000 the median texel is off by
+# 0.07 %; the rest sits at contacts and creases, where four times the rays do not even halve it.
 SAMPLES = 8000
 # A radian between normals counts, when clustering, like this many radii of the object between positions
 # (0.05 and 0.1 measure alike, 0.25 and 0.5 worse by a quarter and a half).
