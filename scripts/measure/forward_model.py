@@ -3,9 +3,10 @@
 """Measure the rendering operator against brute-force quadrature, kernel by kernel.
 
 Real probes (latitude-longitude, from --data) light random (normal, viewer) pairs with n.o > 0.1. The
-reference samples each lobe at the quantiles of its own distribution, 384 x 384 half-vectors a pair
-and roughness, and looks the original raster up bilinearly, so that the octahedral resampling counts
-as error too. Prints NRMS of each kernel and probe, and the lookups that a pair costs.
+reference looks the original raster up bilinearly, so that the octahedral resampling counts as error
+too. Lobes with sigma < 0.09 are sampled at the quantiles of their own distribution, 384 x 384
+half-vectors a pair and roughness. That grid is coarser than a texel in wider lobes, and then misses
+the texels that matter; those and the diffuse kernels are summed over every texel instead. Prints NRMS of each kernel and probe, and the lookups that a pair costs.
 
     python scripts/measure/forward_model.py --data FOLDER [--pairs 400] [--cache reference.npz]
     python scripts/measure/forward_model.py --data FOLDER --cache reference.npz --alternatives
@@ -29,7 +30,7 @@ from swatchwork.response import DEFAULT_RINGS, Rings, compiled, generic_response
 MASKINGS = ("vgroove", "smith:0.2", "smith:0.5")
 BASIS = GenericBasis("every kernel", maskings=MASKINGS, diffuse=tuple(DIFFUSE_KERNELS))
 SIGMAS = BASIS.sigmas
-SIDE, DIFFUSE_SIDE, CHUNK = 384, 768, 1 << 14
+SIDE, BROAD, CHUNK = 384, 0.09, 1 << 14
 
 
 def probes(folder: Path) -> dict[str, F32]:
@@ -76,42 +77,65 @@ def frame(n: F64, o: F64) -> tuple[F64, F64]:
     return np.stack([x, np.cross(n, x), n]), np.array([np.sqrt(max(0.0, 1 - cosine**2)), 0.0, cosine])
 
 
-def pair_reference(raster: F32, height: int, n: F64, o: F64, every: int) -> F64:
-    """Responses [J, C] of BASIS for one pair (Eqs. 1, 8 to 11)."""
-    world_from_local, viewer = frame(n, o)
-    out = np.zeros((BASIS.kernels, raster.shape[1]))
+def sharp_lobe(raster: F32, height: int, sigma: float, axes: F64, viewer: F64) -> F64:
+    """Responses [masking and tau, C] of one roughness, by a grid of quantiles of its distribution."""
     quantile = (np.arange(SIDE) + 0.5) / SIDE
-    cos_phi, sin_phi = np.cos(2 * np.pi * quantile), np.sin(2 * np.pi * quantile)
-    count = len(BASIS.sigmas)
-    for s, sigma in list(enumerate(SIGMAS))[::-every]:
-        t = (sigma * np.sqrt(-np.log1p(-quantile)))[:, None]
-        n_h = 1 / np.sqrt(1 + t * t)
-        h = np.stack(np.broadcast_arrays(t * n_h * cos_phi, t * n_h * sin_phi, n_h), -1).reshape(-1, 3)
-        o_h = h @ viewer
-        i = 2 * o_h[:, None] * h - viewer
-        lit = (o_h > 0) & (i[:, 2] > 0)
-        h, o_h, i = h[lit], o_h[lit], i[lit]
-        value = o_h / (viewer[2] * h[:, 2]) / SIDE**2
-        shadowed = [masking_value(m, i[:, 2], viewer[2], o_h, h[:, 2]) * value for m in MASKINGS]
-        weights = np.stack([g * schlick(o_h, tau) for g in shadowed for tau in (0, 1)])
-        rows = np.arange(2 * len(MASKINGS)) * count + s
-        out[rows] = gather(raster, height, i @ world_from_local, weights)
-    quantile = (np.arange(DIFFUSE_SIDE) + 0.5) / DIFFUSE_SIDE
-    radius, phi = np.sqrt(quantile)[:, None], 2 * np.pi * quantile
-    i = np.stack(np.broadcast_arrays(radius * np.cos(phi), radius * np.sin(phi), np.sqrt(1 - radius**2)), -1)
-    i = i.reshape(-1, 3)
-    weights = np.stack([np.ones(len(i)), schlick(i[:, 2])]) / len(i)
-    e = gather(raster, height, i @ world_from_local, weights)
-    f = float(schlick(viewer[2]))
-    for k, (a, b, c, d) in enumerate(DIFFUSE_KERNELS.values()):
-        out[6 * count + k] = (a + b * f) * e[0] + (c + d * f) * e[1]
+    t, phi = (sigma * np.sqrt(-np.log1p(-quantile)))[:, None], 2 * np.pi * quantile
+    n_h = 1 / np.sqrt(1 + t * t)
+    h = np.stack(np.broadcast_arrays(t * n_h * np.cos(phi), t * n_h * np.sin(phi), n_h), -1).reshape(-1, 3)
+    o_h = h @ viewer
+    i = 2 * o_h[:, None] * h - viewer
+    lit = (o_h > 0) & (i[:, 2] > 0)
+    h, o_h, i = h[lit], o_h[lit], i[lit]
+    value = o_h / (viewer[2] * h[:, 2]) / SIDE**2
+    shadowed = [masking_value(m, i[:, 2], viewer[2], o_h, h[:, 2]) * value for m in MASKINGS]
+    weights = np.stack([g * schlick(o_h, tau) for g in shadowed for tau in (0, 1)])
+    return gather(raster, height, i @ axes, weights)
+
+
+def every_texel(raster: F32, texels: tuple[F64, F64], kernels: list[int], axes: F64, viewer: F64) -> F64:
+    """Responses [kernels, C] of broad kernels, as sums over all texels above the horizon."""
+    direction, solid_angle = texels
+    above = np.flatnonzero(direction @ axes[2] > 0)
+    total = np.zeros((len(kernels), raster.shape[1]))
+    for start in range(0, len(above), CHUNK):
+        part = above[start : start + CHUNK]
+        i = direction[part] @ axes.T
+        values = BASIS.evaluate(i, viewer, kernels)
+        total += (values * (i[:, 2] * solid_angle[part])[:, None]).T @ raster[part]
+    return total
+
+
+def pair_reference(raster: F32, height: int, texels: tuple[F64, F64], n: F64, o: F64, every: int) -> F64:
+    """Responses [J, C] of BASIS for one pair (Eqs. 1, 8 to 11)."""
+    axes, viewer = frame(n, o)
+    out = np.zeros((BASIS.kernels, raster.shape[1]))
+    count = len(SIGMAS)
+    rows = np.arange(2 * len(MASKINGS)) * count
+    measured = list(range(count))[::-every]
+    for s in measured:
+        if SIGMAS[s] < BROAD:
+            out[rows + s] = sharp_lobe(raster, height, float(SIGMAS[s]), axes, viewer)
+    broad = [int(row + s) for s in measured if SIGMAS[s] >= BROAD for row in rows]
+    broad += range(len(BASIS.lobes), BASIS.kernels)
+    out[broad] = every_texel(raster, texels, broad, axes, viewer)
     return out
+
+
+def texel_directions(height: int, width: int) -> tuple[F64, F64]:
+    """Directions [H * W, 3] and solid angles [H * W] of a raster's texels."""
+    theta = ((np.arange(height) + 0.5) / height * np.pi)[:, None]
+    phi = ((np.arange(width) + 0.5) / width * 2 - 1) * np.pi
+    d = np.broadcast_arrays(np.sin(theta) * np.sin(phi), np.cos(theta), -np.sin(theta) * np.cos(phi))
+    area = 4 * np.pi / width * np.sin(np.pi / height / 2) * np.sin(theta)
+    return np.stack(d, -1).reshape(-1, 3), np.broadcast_to(area, (height, width)).reshape(-1)
 
 
 def _task(args: tuple[F32, int, F64, F64, int]) -> F64:
     raster, height, normals, viewers, every = args
+    texels = texel_directions(height, len(raster) // height)
     pairs = zip(normals, viewers, strict=True)
-    return np.stack([pair_reference(raster, height, n, o, every) for n, o in pairs])
+    return np.stack([pair_reference(raster, height, texels, n, o, every) for n, o in pairs])
 
 
 def reference(rasters: list[F32], n: F64, o: F64, processes: int, every: int) -> F64:

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from typing import NamedTuple
@@ -99,12 +100,15 @@ class GenericBasis:
         """Number of kernels a channel, J."""
         return len(self.lobes) + len(self.diffuse)
 
-    def evaluate(self, i_in_local: Float, o_in_local: Float) -> F64:
+    def evaluate(
+        self, i_in_local: Float, o_in_local: Float, kernels: Sequence[int] | None = None
+    ) -> F64:
         """BRDF values of all kernels (Eqs. 8 to 11, with F of o.h), the slow twin of the operator.
 
         Args:
             i_in_local: unit directions to the light [..., 3], normal (0, 0, 1).
             o_in_local: unit directions to the viewer [..., 3]; broadcasts with the former.
+            kernels: which kernels to evaluate, in which order; all J by default.
 
         Returns:
             Values [..., J] per steradian; 0 where either direction is not above the surface.
@@ -116,13 +120,18 @@ class GenericBasis:
         h = i + o
         h = h / np.maximum(np.linalg.norm(h, axis=-1, keepdims=True), 1e-12)
         n_h, o_h = h[..., 2], np.sum(o * h, axis=-1)
-        values = np.empty((*n_i.shape, self.kernels))
-        shadowed = {m: masking_value(m, n_i, n_o, o_h, n_h) for m in self.maskings}
-        for j, (masking, tau, sigma) in enumerate(self.lobes):
-            fresnel = schlick(o_h, tau)
-            values[..., j] = beckmann(n_h, sigma) * shadowed[masking] * fresnel / (4.0 * n_i * n_o)
-        for j, name in enumerate(self.diffuse, start=len(self.lobes)):
-            values[..., j] = diffuse_value(DIFFUSE_KERNELS[name], n_i, n_o)
+        shadowed = {m: masking_value(m, n_i, n_o, o_h, n_h) / (4.0 * n_i * n_o) for m in self.maskings}
+        fresnel = [schlick(o_h, tau) for tau in (0, 1)]
+        distribution = cache(lambda sigma: beckmann(n_h, sigma))
+        chosen = range(self.kernels) if kernels is None else kernels
+        values = np.empty((*n_i.shape, len(chosen)))
+        for k, j in enumerate(chosen):
+            if j < len(self.lobes):
+                masking, tau, sigma = self.lobes[j]
+                values[..., k] = distribution(sigma) * shadowed[masking] * fresnel[tau]
+            else:
+                name = self.diffuse[j - len(self.lobes)]
+                values[..., k] = diffuse_value(DIFFUSE_KERNELS[name], n_i, n_o)
         return np.where(lit[..., None], values, 0.0)
 
 

@@ -72,7 +72,7 @@ impl Pyramid {
                 start: texels.len(),
                 size: side,
             });
-            push_bordered(&mut texels, &raster, side);
+            texels.extend(bordered(&sharpened(&raster, side), side));
             if side == 1 {
                 break;
             }
@@ -174,10 +174,11 @@ fn cell_directions() -> Vec<[f32; 3]> {
         .collect()
 }
 
-/// Appends a level with its border: across an edge of the square the sphere goes on at the mirrored
-/// place of the same edge, and all four corners are the lower pole.
-fn push_bordered(texels: &mut Vec<[f32; 4]>, raster: &[[f32; 3]], side: usize) {
+/// A level with its border: across an edge of the square the sphere goes on at the mirrored place of
+/// the same edge, and all four corners are the lower pole.
+fn bordered(raster: &[[f32; 3]], side: usize) -> Vec<[f32; 4]> {
     let n = side as isize;
+    let mut texels = Vec::with_capacity((side + 2) * (side + 2));
     for j in -1..=n {
         for i in -1..=n {
             let (mut p, mut q) = (i, j);
@@ -191,6 +192,44 @@ fn push_bordered(texels: &mut Vec<[f32; 4]>, raster: &[[f32; 3]], side: usize) {
             texels.push([r, g, b, 0.0]);
         }
     }
+    texels
+}
+
+/// Texels whose bilinear interpolation has the area means `raster`, where texels of at least 0 can:
+/// interpolating the means themselves would blur them once more. Two steps of the fixed-point
+/// iteration take the error of a mirror-like lobe from 4 % to 0.4 %.
+fn sharpened(raster: &[[f32; 3]], side: usize) -> Vec<[f32; 3]> {
+    let mut texels = raster.to_vec();
+    for _ in 0..2 {
+        let means = means_of_interpolant(&texels, side);
+        for ((texel, target), mean) in texels.iter_mut().zip(raster).zip(&means) {
+            for c in 0..3 {
+                texel[c] = (texel[c] + target[c] - mean[c]).max(0.0);
+            }
+        }
+    }
+    texels
+}
+
+/// Area means of the bilinear interpolant: weights 1/8, 6/8, 1/8 along either axis.
+fn means_of_interpolant(raster: &[[f32; 3]], side: usize) -> Vec<[f32; 3]> {
+    let (padded, stride) = (bordered(raster, side), side + 2);
+    let mix = |a: f32, b: f32, c: f32| 0.125 * (a + c) + 0.75 * b;
+    let rows: Vec<[f32; 3]> = (0..side * stride)
+        .map(|k| {
+            [0, 1, 2].map(|c| {
+                mix(
+                    padded[k][c],
+                    padded[k + stride][c],
+                    padded[k + 2 * stride][c],
+                )
+            })
+        })
+        .collect();
+    (0..side * side)
+        .map(|k| k / side * stride + k % side)
+        .map(|k| [0, 1, 2].map(|c| mix(rows[k][c], rows[k + 1][c], rows[k + 2][c])))
+        .collect()
 }
 
 #[cfg(test)]
