@@ -46,7 +46,7 @@ class Run:
         return settled
 
     def note(self, model: Alternation, n: int, move: str) -> None:
-        self.penalties.observe(model.data, n)
+        self.penalties.observe(model.data, n, model.N)
         self.history.append(
             Step(n, model.N, move, model.count, model.data, self.penalties.objective(model.data, n, model.N))
         )
@@ -56,3 +56,12 @@ class Run:
 
     def objective(self, model: Alternation, n: int) -> float:
         return self.penalties.objective(model.data, n, model.N)
+
+    @property
+    def most_representatives(self) -> int:
+        """Where growth ends: two above a fixed N, so that shrinking arrives there too."""
+        return self.options.N + 2 if self.options.N else self.options.max_N
+
+    def least(self, n: int) -> int:
+        """The fewest representatives that growth has to reach."""
+        return max(n, self.options.N or 1)

@@ -2,19 +2,20 @@
 # SPDX-License-Identifier: MIT
 """The outer search over n and N.
 
-For each n the model grows a representative at a time until growing has stopped paying, then shrinks
-again: a larger model that has found its way loses its weakest part and arrives at a better small one
-than growing did. Local minima of the alternation are what spoils a greedy search (see
-``paper_order.py`` for section 4's own); going up and down passes most of them.
+For each n the model grows a representative at a time until growing stops paying, then shrinks again: a
+larger model that has found its way loses its weakest part and arrives at a better small one than
+growing did. A model of n + 1 is in turn held down to n. Local minima of the alternation are what spoils
+a greedy search (``paper_order.py`` is section 4's own); going up, down and across passes most of them.
+
+The models are judged at the end, all by the same penalties: the noise that sets them is only known
+once a good model is.
 """
 
 from __future__ import annotations
 
-import numpy as np
-
 from ..progress import SILENT, Progress
 from . import moves
-from .alternation import Alternation
+from .alternation import PERFECT, Alternation
 from .options import SolveOptions
 from .paper_order import paper_order
 from .penalties import Penalties
@@ -24,6 +25,12 @@ from .solution import Solution
 
 PATIENCE = 2
 """Representatives added in vain before growth stops."""
+WORTHWHILE = 0.88
+"""Growth is in vain when it leaves more than this share of the data term."""
+NEAR_PERFECT = 100 * PERFECT
+
+Table = dict[tuple[int, int], Alternation]
+"""The best model found for each (n, N)."""
 
 
 def solve(problem: Problem, options: SolveOptions | None = None, progress: Progress = SILENT) -> Solution:
@@ -36,10 +43,7 @@ def solve(problem: Problem, options: SolveOptions | None = None, progress: Progr
     penalties = Penalties(problem.measurements, options.lambda0, options.lambda1)
     with progress.stage("solve") as task:
         run = Run(problem, options, penalties, task)
-        if options.search_order == "paper":
-            n, model = paper_order(run)
-        else:
-            n, model = _up_and_down(run)
+        n, model = paper_order(run) if options.search_order == "paper" else up_down_and_across(run)
     return Solution(
         representatives=model.representatives,
         weights=model.weights,
@@ -50,54 +54,81 @@ def solve(problem: Problem, options: SolveOptions | None = None, progress: Progr
         objective=penalties.objective(model.data, n, model.N),
         lambda0=penalties.lambda0,
         lambda1=penalties.lambda1,
-        noise=float(np.sqrt(penalties.variance)),
+        noise=float(penalties.variance) ** 0.5,
         status="converged" if model.converged else "alternation limit",
         history=run.history,
     )
 
 
-def _up_and_down(run: Run) -> tuple[int, Alternation]:
+def up_down_and_across(run: Run) -> tuple[int, Alternation]:
+    """The default order of the search."""
+    table: Table = {}
     options = run.options
-    best: tuple[int, Alternation] | None = None
-    for n in [options.n] if options.n else range(1, options.max_n + 1):
-        ladder = _ladder(run, n)
-        model = (
-            ladder[options.N]
-            if options.N
-            else min(ladder.values(), key=lambda model: run.objective(model, n))
-        )
-        # Judge n by converged models: a coarse one may hide a gain of the sparser.
-        model = run.settle(model, n, "refine", coarse=1.0)
-        if best is None or run.objective(model, n) < run.objective(best[1], best[0]):
-            best = (n, model)
-        else:
+    last = options.n or options.max_n
+    for n in range(options.n or 1, last + 1):
+        _ladder(run, table, n)
+        # A fixed n is helped by the models of n + 1 held down to it.
+        if options.n and n < run.most_representatives:
+            _ladder(run, table, n + 1)
+            _hold_down(run, table, n + 1)
+        elif n > 1:
+            _hold_down(run, table, n)
+        best = _best(run, table)
+        if best[0] < n or table[best].data < NEAR_PERFECT:
             break
-        if model.data < 1e-12:
-            break
-    assert best is not None
-    return best
+    refined: set[tuple[int, int]] = set()
+    while (best := _best(run, table)) not in refined:
+        table[best] = run.settle(table[best], best[0], "refine", coarse=1.0)
+        refined.add(best)
+    return best[0], table[best]
 
 
-def _ladder(run: Run, n: int) -> dict[int, Alternation]:
-    """The best model of each N for one n, up and down again."""
+def _best(run: Run, table: Table) -> tuple[int, int]:
+    """(n, N) of the least objective, among those the options leave open."""
+    n, N = run.options.n, run.options.N
+    eligible = [key for key in table if n in (None, key[0]) and N in (None, key[1])]
+    return min(eligible, key=lambda key: run.objective(table[key], key[0]))
+
+
+def _keep(table: Table, n: int, model: Alternation) -> bool:
+    """Enter a model into the table if it is better than the one there."""
+    rival = table.get((n, model.N))
+    if rival is not None and rival.data <= model.data:
+        return False
+    table[n, model.N] = model
+    return True
+
+
+def _ladder(run: Run, table: Table, n: int) -> None:
+    """Grow from one representative until that stops paying, and shrink from there."""
     problem, search = run.problem, run.options.search
-    first = moves.start(problem, n, search)
-    run.note(first, n, "start")
-    ladder = {1: first}
-    top = run.options.N + PATIENCE if run.options.N else run.options.max_N
+    model = moves.start(problem, n, search)
+    run.note(model, n, "start")
+    _keep(table, n, model)
     in_vain = 0
-    while len(ladder) < top and (in_vain < PATIENCE or len(ladder) < max(n, run.options.N or 1)):
-        model = ladder[len(ladder)]
-        ladder[model.N + 1] = run.settle(moves.grow(problem, model, n, search), n, "grow")
-        best = min(run.objective(m, n) for N, m in ladder.items() if N <= model.N)
-        gained = run.objective(ladder[model.N + 1], n) < best
-        in_vain = 0 if gained else in_vain + 1
-    for N in range(len(ladder) - 1, 0, -1):
-        smaller = run.settle(moves.shrink(problem, ladder[N + 1], n, search), n, "shrink")
-        worse = run.objective(smaller, n) > min(run.objective(m, n) for m in ladder.values())
-        if smaller.data < ladder[N].data:
-            ladder[N] = smaller
-        elif worse and N != run.options.N:
-            # Below the best N a worse model that growing also had beaten: no further down.
+    while model.N < run.most_representatives and (in_vain < PATIENCE or model.N < run.least(n)):
+        larger = run.settle(moves.grow(problem, model, n, search), n, "grow")
+        in_vain = 0 if larger.data < WORTHWHILE * model.data else in_vain + 1
+        model = larger
+        _keep(table, n, model)
+        if model.data < NEAR_PERFECT and model.N >= run.least(n):
             break
-    return ladder
+    while model.N > max(1, run.least(n) - 1):
+        smaller = run.settle(moves.shrink(problem, table[n, model.N], n, search), n, "shrink")
+        gained = _keep(table, n, smaller)
+        # Further down lie only models that growing had found too, and that lost already.
+        if not gained and run.objective(smaller, n) > run.objective(table[_best_of(run, table, n)], n):
+            break
+        model = smaller
+
+
+def _best_of(run: Run, table: Table, n: int) -> tuple[int, int]:
+    return min((key for key in table if key[0] == n), key=lambda key: run.objective(table[key], n))
+
+
+def _hold_down(run: Run, table: Table, n: int) -> None:
+    """Restrict the best models of n to n - 1 and see where they settle."""
+    N = _best_of(run, table, n)[1]
+    for key in ((n, N), (n, N - 1)):
+        if key in table and key[1] >= n - 1:
+            _keep(table, n - 1, run.settle(table[key], n - 1, "hold"))
