@@ -4,13 +4,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from swatchwork.capture import read_capture, read_photograph
 from swatchwork.reflectance import extended, paper
 from swatchwork.response import representative_responses
 from swatchwork.simulate import (
     KINDS,
+    SHAPES,
     blend_pattern,
     camera_towards,
     dense_weights,
@@ -21,8 +25,11 @@ from swatchwork.simulate import (
     in_ggx,
     procedural_environment,
     random_directions,
+    shape,
+    simulate_capture,
     two_of_four,
 )
+from swatchwork.surface import uv_problem
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -142,3 +149,34 @@ def test_ggx_truth_lies_outside_the_basis_but_near() -> None:
     inside = in_basis(four_materials(0), p.basis)
     # Beckmann for GGX of equal roughness: the long tails are missing, some ten percent.
     assert 0.02 < p.novel(inside, p.truth_index, p.truth_weight) < 0.4
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_shapes_are_closed_outward_and_injective(name: str) -> None:
+    mesh = shape(name, 48)
+    corner = mesh.vertices[mesh.faces]
+    cross = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    # A closed surface's area vectors cancel, to rounding.
+    assert np.abs(cross.sum(axis=0)).max() < 1e-12 * np.abs(cross).sum() + 1e-15
+    assert np.einsum("fx,fx->", cross, corner[:, 0]) > 0
+    flat = cross / np.linalg.norm(cross, axis=1, keepdims=True)
+    # Exact normals and a face's own differ by what the surface turns within a face: the bumps, 20 degrees.
+    assert np.einsum("fcx,fx->fc", mesh.normals[mesh.faces], flat).min() > np.cos(np.radians(25))
+    assert np.allclose(np.linalg.norm(mesh.normals, axis=1), 1)
+    assert uv_problem(mesh) is None
+
+
+def test_a_capture_reads_back_and_shows_the_truth(tmp_path: Path) -> None:
+    made = simulate_capture(tmp_path / "a", rows=24, k=2, test_views=1, size=24, noise_percent=5)
+    clean = simulate_capture(tmp_path / "b", rows=24, k=1, test_views=1, size=24)
+    capture, test = read_capture(made.folder), read_capture(made.test_folder)
+    assert [frame.name for frame in capture.frames] == ["images/0001.exr", "images/0002.exr"]
+    assert len(test.frames) == 1
+    one, two = read_photograph(capture.frames[0]), read_photograph(read_capture(clean.folder).frames[0])
+    assert np.array_equal(one.alpha, two.alpha)
+    inside = two.alpha > 0.5
+    ratio = (one.radiance[inside] / two.radiance[inside]) - 1
+    # About 900 samples: 4 standard errors of a standard deviation of 5 %.
+    assert ratio.std() == pytest.approx(0.05, abs=4 * 0.05 / np.sqrt(2 * ratio.size))
+    reference = [read_photograph(read_capture(c.test_folder).frames[0]).radiance for c in (made, clean)]
+    assert np.array_equal(*reference)

@@ -20,6 +20,10 @@ EDGE_RAYS = 4
 """Rays along the side of a cell at an edge, where they measure coverage too."""
 
 
+SPREAD_RAD = 0.017
+"""Cells whose normals spread more than this (one degree) are shaded in quarters."""
+
+
 @dataclass(frozen=True, eq=False)
 class View:
     """What a camera's pixels show of the object; it serves every light.
@@ -52,16 +56,17 @@ def see(rays: RayScene, camera: Camera, samples: int = 2) -> View:
     """Cast rays in a regular grid, so that a pixel is a box and the same view gives the same image.
 
     Pixels that are mixed, or next to one, have samples x samples cells of 4 x 4 rays; the others half as
-    many along a side (rounded up) of 2 x 2 rays.
+    many along a side (rounded up) of 2 x 2 rays. Cells where the surface bends are split.
     """
-    pixels = _box(rays.meshes[0], camera)
+    mesh = rays.meshes[0]
+    pixels = _box(mesh, camera)
     inner = -(-samples // 2)
     hits = _cast(rays, camera, pixels, inner * INNER_RAYS)
     mixed = _mixed(hits, pixels, camera)
     edge = pixels[mixed]
-    plain = _cells(hits, pixels, inner, INNER_RAYS, ~mixed)
+    plain = _cells(mesh, hits, pixels, (inner, INNER_RAYS), ~mixed)
     fine = _cast(rays, camera, edge, samples * EDGE_RAYS)
-    refined = _cells(fine, edge, samples, EDGE_RAYS, np.ones(len(edge), bool))
+    refined = _cells(mesh, fine, edge, (samples, EDGE_RAYS), np.ones(len(edge), bool))
     pixel, share, count, face, bary = (np.concatenate([a, b]) for a, b in zip(plain, refined, strict=True))
     offsets = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
     return View(camera, pixel, share, offsets, face, bary)
@@ -132,15 +137,33 @@ def _mixed(hits: Hits, pixels: I64, camera: Camera) -> Bool:
     return np.asarray((near_low != near_high).ravel(), dtype=np.bool_)
 
 
-def _cells(hits: Hits, pixels: I64, cells: int, per_side: int, of: Bool) -> tuple[I64, F32, I64, I32, F64]:
-    """Pixel, share and number of hits of each cell that was hit; face and place of the hits, cell by cell."""
-    mesh, face, bary = hits
-    side = np.arange(cells * per_side) // per_side
-    cell = (side[:, None] * cells + side).ravel()
-    row, ray = np.nonzero((mesh == 0) & of[:, None])
-    key = row * cells**2 + cell[ray]
+def _cells(
+    mesh: Mesh, hits: Hits, pixels: I64, layout: tuple[int, int], of: Bool
+) -> tuple[I64, F32, I64, I32, F64]:
+    """Pixel, share and number of hits of each cell that was hit; face and place of the hits, cell by cell.
+
+    ``layout`` is cells along a pixel's side and rays along a cell's. A cell whose normals differ (a rim, an
+    edge, two surfaces) falls into quarters.
+    """
+    cells, per_side = layout
+    line = np.arange(cells * per_side)
+    quarter = (line[:, None] // (per_side // 2) % 2 * 2 + line // (per_side // 2) % 2).ravel()
+    cell = (line[:, None] // per_side * cells + line // per_side).ravel()
+    row, ray = np.nonzero((hits[0] == 0) & of[:, None])
+    key = 4 * (row * cells**2 + cell[ray]) + quarter[ray]
     order = np.argsort(key, kind="stable")
-    row, ray = row[order], ray[order]
-    _, first, count = np.unique(key[order], return_index=True, return_counts=True)
+    row, ray, key = row[order], ray[order], key[order]
+    face, bary = hits[1][row, ray], hits[2][row, ray]
+    if not len(key):
+        return pixels[row], np.zeros(0, np.float32), np.zeros(0, np.int64), face, bary
+
+    _, first, whole, count = np.unique(key // 4, return_index=True, return_inverse=True, return_counts=True)
+    normal = unit(np.einsum("sc,scx->sx", bary, mesh.normals[mesh.faces[face]]))
+    mean = np.linalg.norm(np.add.reduceat(normal, first), axis=1) / count
+    _, quarters = np.unique(key, return_index=True)
+    # Unit vectors spread by an angle t (root mean square) have a mean of length 1 - t^2 / 2.
+    split = (mean < 1 - SPREAD_RAD**2 / 2)[whole[quarters]]
+    starts = np.union1d(first, quarters[split])
+    count = np.diff(np.append(starts, len(key)))
     share = (count / (cells * per_side) ** 2).astype(np.float32)
-    return pixels[row[first]], share, count.astype(np.int64), face[row, ray], bary[row, ray]
+    return pixels[row[starts]], share, count.astype(np.int64), face, bary

@@ -90,7 +90,9 @@ def simulate_capture(
     def blend(position: F64) -> tuple[U32, F64]:
         return blend_pattern(position, materials=materials, blended=blended, seed=seed, sharp=sharp)
 
-    subject = Subject.of(mesh, used, representatives, blend)
+    # Nothing shadows a sphere: a few samples are enough to find that.
+    sky_samples = 64 if object_shape == "sphere" else 4000
+    subject = Subject.of(mesh, used, representatives, blend, sky_samples)
     train, test = (procedural_environment(kind, seed + i) for i, kind in enumerate(lights))
     towards = random_directions(k, seed) if directions is None else directions
     away = random_directions(test_views, seed + TEST_SEED)

@@ -53,7 +53,8 @@ def _star(radius: Callable[[F64], F64], rows: int) -> Mesh:
         if j > 0:
             faces.append(np.stack([top, bottom, top + 1], axis=-1))
         if j < rows - 1:
-            faces.append(np.stack([top + 1, bottom, bottom + 1], axis=-1))
+            # Under the upper pole the fan's vertices stand for both ends of the missing edge.
+            faces.append(np.stack([top + 1 if j > 0 else top, bottom, bottom + 1], axis=-1))
     keep = np.concatenate(faces)
     return _used(
         d * radius(d)[:, None], keep, _star_normals(radius, d), np.stack([u.ravel(), v.ravel()], axis=-1)
