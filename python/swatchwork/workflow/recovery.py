@@ -21,7 +21,7 @@ from ..errors import CaptureWarning
 from ..material import BasisRecord, Material, whole_folder, write_material
 from ..progress import SILENT, Progress
 from ..reconstruct import Reconstruction, ReconstructOptions, reconstruct
-from ..report import write_report
+from ..report import Report, write_report
 from ..surface import padded
 from .costs import CostRecorder, StageCost
 from .pages import reconstruction_report
@@ -72,6 +72,7 @@ class Recovered:
     reconstruction: Reconstruction
     material: Material
     summary: ReconstructSummary
+    report: Report
 
 
 def reconstruct_folder(
@@ -117,13 +118,15 @@ def recover(
         with costs.stage("write"):
             material = material_of(found, capture)
 
-            def extra(folder: Path) -> None:
-                summary = summarise(found, capture, output, start, costs.costs)
-                report = reconstruction_report(found, capture, material, costs.costs, said, summary.as_dict())
-                write_report(folder / "report.html", report)
+            summary = summarise(found, capture, output, start, costs.costs)
+            report = reconstruction_report(found, capture, material, costs.costs, said, summary.as_dict())
 
-            write_material(output, material, extra)
-    return Recovered(capture, found, material, summarise(found, capture, output, start, costs.costs))
+            def write_page(inside: Path) -> None:
+                write_report(inside / "report.html", report)
+
+            write_material(output, material, write_page)
+    summary = summarise(found, capture, output, start, costs.costs)
+    return Recovered(capture, found, material, summary, report)
 
 
 @contextmanager
