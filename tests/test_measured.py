@@ -67,7 +67,7 @@ def test_two_independent_fits_agree_on_the_scale(shared: Path) -> None:
     for name in ("teflon", "pink-plastic", "gold-metallic-paint"):
         a = read_neural_brdf(folder / "merl_nbrdf.npz", name).evaluate(i, o)[high]
         b = read_npf(folder / "merl_npf.npz", name).evaluate(i, o)[high]
-        # 15 %: single materials of these fits differ by up to this; a wrong unit would show as a factor of pi.
+        # 15 %: single materials of these fits differ by that much; a wrong unit shows as a factor of pi.
         assert np.median(b / a) == pytest.approx(1.0, abs=0.15)
 
 
