@@ -38,6 +38,8 @@ swatchwork relight my-material --cameras my-capture/transforms.json -o renders
 [bold]Exit codes:[/bold]  0 done; 1 a defect in swatchwork; 2 wrong input, said in one line; 130 interrupted.
 """
 
+INTERRUPTED = 130
+
 app = typer.Typer(
     name="swatchwork",
     help=HELP,
@@ -78,12 +80,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             prog_name="swatchwork",
             standalone_mode=False,
         )
-        return code if isinstance(code, int) else 0
+        code = code if isinstance(code, int) else 0
     except typer.Exit as done:
-        return done.exit_code
+        code = done.exit_code
     except (KeyboardInterrupt, typer.Abort):
-        stderr().print("interrupted; nothing was half-written", style="yellow")
-        return 130
+        code = INTERRUPTED
     except SwatchworkError as error:
         stderr().print(f"error: {error}", style="bold red", markup=False, soft_wrap=True)
         return 2
@@ -98,3 +99,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         traceback.print_exc()
         stderr().print("This is a defect in swatchwork, not in your input: please report it.", style="red")
         return 1
+    # Older typers raise on Ctrl-C, newer ones return the code themselves.
+    if code == INTERRUPTED:
+        stderr().print("interrupted; nothing was half-written", style="yellow")
+    return code
