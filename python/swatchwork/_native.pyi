@@ -48,3 +48,38 @@ class RingBasis:
     ) -> npt.NDArray[np.float32]: ...
 
 def instruction_sets() -> list[str]: ...
+
+class SolverProblem:
+    """Measurements and generic responses at the texels that take part (Eq. 5)."""
+
+    @property
+    def gamma(self) -> npt.NDArray[np.float64]: ...
+    def __new__(
+        cls,
+        responses: npt.NDArray[np.float32],
+        radiance: npt.NDArray[np.float32],
+        offsets: npt.NDArray[np.int64],
+        floor: npt.NDArray[np.float64],
+    ) -> SolverProblem: ...
+    def fold(self, representatives: npt.NDArray[np.float64]) -> npt.NDArray[np.float32]: ...
+    def representatives(
+        self, weights: npt.NDArray[np.float64], start: npt.NDArray[np.float64]
+    ) -> tuple[npt.NDArray[np.float64], float, bool]: ...
+    def normal_equations(
+        self, weights: npt.NDArray[np.float64], channel: int
+    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], float]: ...
+
+def blend(
+    responses: npt.NDArray[np.float32],
+    radiance: npt.NDArray[np.float32],
+    offsets: npt.NDArray[np.int64],
+    most: int,
+    search: str = "exact",
+    previous: npt.NDArray[np.float64] | None = None,
+    sample: float = 0.05,
+    cover: float = 0.99,
+    seed: int = 0,
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], int]: ...
+def nnls(
+    h: npt.NDArray[np.float64], b: npt.NDArray[np.float64], start: npt.NDArray[np.float64], tolerance: float
+) -> tuple[npt.NDArray[np.float64], bool]: ...

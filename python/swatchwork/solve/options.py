@@ -34,6 +34,8 @@ class SolveOptions:
     """How the blend step searches supports."""
     search_order: Literal["default", "paper"] = "default"
     """``paper``: section 4's loops, initialisation and greedy stop, to the letter."""
+    explore_texels: int = 1200
+    """Texels that models are explored on; the best goes on with all of them."""
     tolerance: float = 2e-3
     """Relative decrease an alternation below which the alternation has converged (design section 3)."""
     max_alternations: int = 200
@@ -42,7 +44,7 @@ class SolveOptions:
     """Of the pruned search's sample."""
 
     def __post_init__(self) -> None:
-        for name in ("n", "N", "max_n", "max_N", "max_alternations"):
+        for name in ("n", "N", "max_n", "max_N", "max_alternations", "explore_texels"):
             value = getattr(self, name)
             if value is not None and value < 1:
                 raise InputError(f"{name} = {value}", expected="at least 1")

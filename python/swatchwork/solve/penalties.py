@@ -34,7 +34,7 @@ def freedoms(n: int, N: int) -> float:
     Dividing the residual by the share they leave gives back the noise that was put in: at 3 % noise and
     K = 8, the models from (2, 4) to (4, 6) leave between 36 and 65 % of it and all estimate 3.0 to 3.3 %.
     """
-    return n - 1 + log(comb(N, n)) if N >= n else N - 1.0
+    return n - 1 + log(comb(N, n)) if n <= N else N - 1.0
 
 
 @dataclass

@@ -31,7 +31,7 @@ class Problem:
     def __init__(self, responses: F32, radiance: F32, offsets: I64) -> None:
         self.offsets = np.ascontiguousarray(offsets, dtype=np.int64)
         self.radiance = np.ascontiguousarray(radiance, dtype=np.float32)
-        responses = np.ascontiguousarray(responses, dtype=np.float32)
+        self.responses = np.ascontiguousarray(responses, dtype=np.float32)
         views = np.diff(self.offsets)
         if len(views) == 0 or views.min() < 1:
             raise InputError(
@@ -48,14 +48,24 @@ class Problem:
                 hint="Check exposure, masks and poses.",
             )
         self.texels = len(views)
-        self.kernels = responses.shape[1]
+        self.kernels = self.responses.shape[1]
         self.measurements: F64 = 3.0 * views
         """[M] K of each texel."""
         self._native = _native.SolverProblem(
-            responses, self.radiance, self.offsets, DARK**2 * typical * views.astype(np.float64)
+            self.responses, self.radiance, self.offsets, DARK**2 * typical * views.astype(np.float64)
         )
         self.gamma: F64 = self._native.gamma
         """[M] 1 / ||s_hat_x||^2, with a floor for near-black texels."""
+
+    def thinned(self, texels: int) -> Problem:
+        """The same problem at about the given number of its texels, evenly strided."""
+        stride = -(-self.texels // texels)
+        if stride == 1:
+            return self
+        kept = np.arange(0, self.texels, stride)
+        pairs = np.concatenate([np.arange(*self.offsets[x : x + 2]) for x in kept])
+        offsets = np.concatenate([[0], np.cumsum(np.diff(self.offsets)[kept])])
+        return Problem(self.responses[pairs], self.radiance[pairs], offsets)
 
     def representatives(self, weights: F64, start: F64 | None = None) -> tuple[F64, float]:
         """Optimal representatives [N, J, 3] for weights [M, N] (Eqs. 6, 7), and the data term of Eq. 5."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..progress import Task
 from .alternation import Alternation, alternate
+from .blending import blend
 from .options import SolveOptions
 from .penalties import Penalties
 from .problem import Problem
@@ -30,12 +31,19 @@ class Run:
     history: list[Step] = field(default_factory=list)
 
     def settle(self, model: Alternation, n: int, move: str, coarse: float = COARSE) -> Alternation:
-        """Alternate to convergence from a model, and write down where it ended."""
-        options = self.options
+        """Alternate to convergence from a model, and write down where it ended.
+
+        A model of another problem (thinned, or with more texels) starts from its representatives.
+        """
+        options, problem = self.options, self.problem
+        weights = model.weights
+        if len(weights) != problem.texels:
+            folded = problem.fold(model.representatives)
+            weights = blend(folded, problem.radiance, problem.offsets, n, search=options.search).weights
         settled = alternate(
-            self.problem,
+            problem,
             n,
-            weights=model.weights,
+            weights=weights,
             representatives=model.representatives,
             search=options.search,
             tolerance=coarse * options.tolerance,

@@ -27,6 +27,8 @@ PATIENCE = 2
 """Representatives added in vain before growth stops."""
 WORTHWHILE = 0.88
 """Growth is in vain when it leaves more than this share of the data term."""
+HOPELESS = 1.3
+"""An objective this many times the best is not improved upon by shrinking further."""
 NEAR_PERFECT = 100 * PERFECT
 
 Table = dict[tuple[int, int], Alternation]
@@ -43,7 +45,7 @@ def solve(problem: Problem, options: SolveOptions | None = None, progress: Progr
     penalties = Penalties(problem.measurements, options.lambda0, options.lambda1)
     with progress.stage("solve") as task:
         run = Run(problem, options, penalties, task)
-        n, model = paper_order(run) if options.search_order == "paper" else up_down_and_across(run)
+        n, model = paper_order(run) if options.search_order == "paper" else _explore_and_refine(run)
     return Solution(
         representatives=model.representatives,
         weights=model.weights,
@@ -58,6 +60,23 @@ def solve(problem: Problem, options: SolveOptions | None = None, progress: Progr
         status="converged" if model.converged else "alternation limit",
         history=run.history,
     )
+
+
+def _explore_and_refine(run: Run) -> tuple[int, Alternation]:
+    """Explore on few texels, refine on all, and grow where those show a material the few had missed."""
+    whole = run.problem
+    run.problem = whole.thinned(run.options.explore_texels)
+    n, model = up_down_and_across(run)
+    if run.problem is whole:
+        return n, model
+    run.problem = whole
+    model = run.settle(model, n, "refine", coarse=1.0)
+    while run.options.N is None and run.most_representatives > model.N and model.data > NEAR_PERFECT:
+        larger = run.settle(moves.grow(whole, model, n, run.options.search), n, "grow", coarse=1.0)
+        if run.objective(larger, n) >= run.objective(model, n):
+            break
+        model = larger
+    return n, model
 
 
 def up_down_and_across(run: Run) -> tuple[int, Alternation]:
@@ -106,18 +125,19 @@ def _ladder(run: Run, table: Table, n: int) -> None:
     run.note(model, n, "start")
     _keep(table, n, model)
     in_vain = 0
-    while model.N < run.most_representatives and (in_vain < PATIENCE or model.N < run.least(n)):
+    while run.most_representatives > model.N and (in_vain < PATIENCE or run.least(n) > model.N):
         larger = run.settle(moves.grow(problem, model, n, search), n, "grow")
         in_vain = 0 if larger.data < WORTHWHILE * model.data else in_vain + 1
         model = larger
         _keep(table, n, model)
-        if model.data < NEAR_PERFECT and model.N >= run.least(n):
+        if model.data < NEAR_PERFECT and run.least(n) <= model.N:
             break
-    while model.N > max(1, run.least(n) - 1):
+    while max(1, run.least(n) - 1) < model.N:
         smaller = run.settle(moves.shrink(problem, table[n, model.N], n, search), n, "shrink")
         gained = _keep(table, n, smaller)
-        # Further down lie only models that growing had found too, and that lost already.
-        if not gained and run.objective(smaller, n) > run.objective(table[_best_of(run, table, n)], n):
+        # Further down lie models that lost already.
+        behind = run.objective(smaller, n) / run.objective(table[_best_of(run, table, n)], n)
+        if behind > (HOPELESS if gained else 1.0) and model.N - 1 != run.options.N:
             break
         model = smaller
 
