@@ -27,7 +27,7 @@ Recover what an object is made of from a few photographs under known natural lig
 """
 
 EPILOG = """
-[bold]New here?[/bold]  swatchwork demo demo   (under a minute; then open demo/report.html)
+[bold]New here?[/bold]  swatchwork demo demo   (about a minute; then open demo/report.html)
 
 [bold]On your own capture:[/bold]
 

@@ -26,7 +26,7 @@ def demo(
     verbose: Verbose = False,
     quiet: Quiet = False,
 ) -> None:
-    """See it work, in under a minute on two cores: make a capture, recover its material, relight it, measure.
+    """See it work, in about a minute on two cores: make a capture, recover its material, relight it, measure.
 
     The object, its materials and its light are made up, so the truth is known and the error can be shown.
 
