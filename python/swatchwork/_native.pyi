@@ -11,6 +11,8 @@ class Pyramid:
     def __new__(cls, base: npt.NDArray[np.float32]) -> Pyramid: ...
     @property
     def size(self) -> int: ...
+    @property
+    def lights(self) -> list[int]: ...
 
 class RingBasis:
     def __new__(
@@ -18,6 +20,8 @@ class RingBasis:
         tangent: npt.NDArray[np.float32],
         solid_angle: npt.NDArray[np.float32],
         azimuths: npt.NDArray[np.uint32],
+        layer: npt.NDArray[np.uint32],
+        light_bins: tuple[float, float, int],
         maskings: list[str],
         plane: npt.NDArray[np.uint32],
         weights: npt.NDArray[np.float32],

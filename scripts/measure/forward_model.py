@@ -6,10 +6,12 @@ Real probes (latitude-longitude, from --data) light random (normal, viewer) pair
 reference looks the original raster up bilinearly, so that the octahedral resampling counts as error
 too. Lobes with sigma < 0.09 are sampled at the quantiles of their own distribution, 384 x 384
 half-vectors a pair and roughness. That grid is coarser than a texel in wider lobes, and then misses
-the texels that matter; those and the diffuse kernels are summed over every texel instead. Prints NRMS of each kernel and probe, and the lookups that a pair costs.
+the texels that matter; those and the diffuse kernels are summed over every texel instead. Prints the
+NRMS of each kernel and probe, and the lookups that a pair costs.
 
     python scripts/measure/forward_model.py --data FOLDER [--pairs 400] [--cache reference.npz]
-    python scripts/measure/forward_model.py --data FOLDER --cache reference.npz --alternatives
+
+The reference takes about 15 minutes of one core for 400 pairs; --cache keeps it.
 """
 
 from __future__ import annotations
@@ -25,7 +27,7 @@ from swatchwork._native import Pyramid
 from swatchwork.arrays import F32, F64, Float, unit
 from swatchwork.octahedral import direction_from_square
 from swatchwork.reflectance import DIFFUSE_KERNELS, GenericBasis, masking_value, schlick
-from swatchwork.response import DEFAULT_RINGS, Rings, compiled, generic_responses
+from swatchwork.response import DEFAULT_QUADRATURE, Quadrature, generic_responses
 
 MASKINGS = ("vgroove", "smith:0.2", "smith:0.5")
 BASIS = GenericBasis("every kernel", maskings=MASKINGS, diffuse=tuple(DIFFUSE_KERNELS))
@@ -162,9 +164,9 @@ def octahedral_base(raster: F32, size: int, oversampling: int = 4) -> F32:
     return out
 
 
-def errors(pyramids: list[Pyramid], rings: Rings, n: F64, o: F64, truth: F64) -> F64:
+def errors(pyramids: list[Pyramid], quadrature: Quadrature, n: F64, o: F64, truth: F64) -> F64:
     """NRMS [J, probe] over pairs and channels."""
-    found = [generic_responses(BASIS, pyramid, n, o, rings=rings) for pyramid in pyramids]
+    found = [generic_responses(BASIS, pyramid, n, o, quadrature=quadrature) for pyramid in pyramids]
     difference = np.stack(found, axis=2) - truth
     scale = np.sum(truth**2, axis=(0, 3))
     error = np.sqrt(np.sum(difference**2, axis=(0, 3)) / np.where(scale > 0, scale, 1.0))
@@ -192,7 +194,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--data", type=Path, required=True, help="folder of latitude-longitude .hdr probes")
     parser.add_argument("--pairs", type=int, default=400)
-    parser.add_argument("--base", type=int, default=512, help="side of the octahedral base")
+    parser.add_argument("--base", type=int, default=1024, help="side of the octahedral base")
     parser.add_argument("--cache", type=Path, help="keep the reference here")
     parser.add_argument("--every", type=int, default=1, help="measure only every so manieth roughness")
     parser.add_argument("--processes", type=int, default=2)
@@ -206,8 +208,8 @@ def main() -> None:
         if args.cache:
             np.savez(args.cache, truth=truth)
     pyramids = [Pyramid(octahedral_base(raster, args.base)) for raster in rasters.values()]
-    print_table(list(rasters), errors(pyramids, DEFAULT_RINGS, n, o, truth))
-    print(f"lookups a pair: {compiled(BASIS, DEFAULT_RINGS).lookups}")
+    print_table(list(rasters), errors(pyramids, DEFAULT_QUADRATURE, n, o, truth))
+    print(f"lookups a pair: {DEFAULT_QUADRATURE.lookups}")
 
 
 if __name__ == "__main__":

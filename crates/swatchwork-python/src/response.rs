@@ -10,8 +10,8 @@ use numpy::{
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use swatchwork_core::response::{
-    Basis, Folded, InstructionSet, Masking, Pairs, Pyramid, PyramidError, Ring, SpecularRow,
-    generic_responses, representative_responses,
+    Basis, Folded, InstructionSet, LightBins, Masking, Pairs, Pyramid, PyramidError, Ring,
+    SpecularRow, generic_responses, representative_responses,
 };
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
@@ -91,6 +91,12 @@ impl PyPyramid {
     fn size(&self) -> usize {
         self.0.size()
     }
+
+    /// Point lights: strong spots, and weaker ones that only the broadest lobes hand over.
+    #[getter]
+    fn lights(&self) -> [usize; 2] {
+        self.0.light_counts()
+    }
 }
 
 /// Instruction sets this machine has, the best last.
@@ -156,10 +162,13 @@ const PAIRS_A_SLICE: usize = 4096;
 #[pymethods]
 impl RingBasis {
     #[new]
+    #[allow(clippy::too_many_arguments)]
     fn new(
         tangent: PyReadonlyArray1<'_, f32>,
         solid_angle: PyReadonlyArray1<'_, f32>,
         azimuths: PyReadonlyArray1<'_, u32>,
+        layer: PyReadonlyArray1<'_, u32>,
+        light_bins: (f32, f32, usize),
         maskings: Vec<String>,
         plane: PyReadonlyArray1<'_, u32>,
         weights: PyReadonlyArray2<'_, f32>,
@@ -168,21 +177,26 @@ impl RingBasis {
         let tangent = contiguous("tangent", &tangent)?;
         let solid_angle = contiguous("solid_angle", &solid_angle)?;
         let azimuths = contiguous("azimuths", &azimuths)?;
+        let layer = contiguous("layer", &layer)?;
         let plane = contiguous("plane", &plane)?;
-        if solid_angle.len() != tangent.len() || azimuths.len() != tangent.len() {
+        if solid_angle.len() != tangent.len()
+            || azimuths.len() != tangent.len()
+            || layer.len() != tangent.len()
+        {
             return Err(bad(
                 "tangent",
-                "solid_angle and azimuths must have its length",
+                "solid_angle, azimuths and layer must have its length",
             ));
         }
-        if weights.shape() != [plane.len(), tangent.len()] {
+        let (first, factor, count) = light_bins;
+        let entries = tangent.len() + 2 * count;
+        if weights.shape() != [plane.len(), entries] {
             return Err(bad(
                 "weights",
                 format!(
-                    "shape {:?}; expected [{}, {}]",
+                    "shape {:?}; expected [{}, {entries}]",
                     weights.shape(),
-                    plane.len(),
-                    tangent.len()
+                    plane.len()
                 ),
             ));
         }
@@ -196,8 +210,9 @@ impl RingBasis {
             tangent: tangent[r],
             azimuths: azimuths[r],
             solid_angle: solid_angle[r],
+            layer: layer[r] as usize,
         });
-        let rows = contiguous("weights", &weights)?.chunks_exact(tangent.len().max(1));
+        let rows = contiguous("weights", &weights)?.chunks_exact(entries.max(1));
         let specular = plane.iter().zip(rows).map(|(&plane, row)| SpecularRow {
             plane: plane as usize,
             weights: row.to_vec(),
@@ -207,9 +222,20 @@ impl RingBasis {
             .iter()
             .map(|name| masking(name))
             .collect::<PyResult<_>>()?;
-        Basis::new(rings.collect(), maskings, specular.collect(), diffuse)
-            .map(Self)
-            .map_err(|error| PyValueError::new_err(error.0))
+        let light_bins = LightBins {
+            first,
+            factor,
+            count,
+        };
+        Basis::new(
+            rings.collect(),
+            light_bins,
+            maskings,
+            specular.collect(),
+            diffuse,
+        )
+        .map(Self)
+        .map_err(|error| PyValueError::new_err(error.0))
     }
 
     /// Generic kernels a channel, J.

@@ -17,27 +17,25 @@ from swatchwork.reflectance.microfacets import (
     beckmann,
     diffuse_value,
     masking_value,
-    schlick,
     smith_alpha,
 )
 
-DIFFUSE_KERNELS: dict[str, tuple[float, float, float, float]] = {
-    "lambert": (1, 0, 0, 0),
-    "lambert_1mf": (1, -1, 0, 0),
-    "lambert_f": (0, 1, 0, 0),
-    "grazing_1mf": (0, 0, 1, -1),
-    "grazing_f": (0, 0, 0, 1),
-    "matte_1mf": (1, -1, -1, 1),
-    "matte_f": (0, 1, 0, -1),
+DIFFUSE_KERNELS: dict[str, tuple[tuple[str, str], ...]] = {
+    "lambert": (("one", "one"),),
+    "half": (("half", "half"),),
+    "grazing5": (("fifth", "one"), ("one", "fifth")),
+    "grazing10": (("tenth", "one"), ("one", "tenth")),
+    "shade": (("shade", "shade"),),
 }
-"""Diffuse kernels by name: pi times the BRDF is a + b f_o + c f_i + d f_i f_o, with f_v = (1 - n.v)^5."""
+"""Diffuse kernels by name: pi times the BRDF is the sum over the pairs (a, b) of a(n.i) b(n.o), with shapes
+a and b of DIFFUSE_SHAPES. All are reciprocal. ``half`` is the diffuse term of Ashikhmin and Shirley (2000)."""
 
 
 class Lobe(NamedTuple):
-    """One specular kernel: its masking term, Fresnel tau and roughness sigma."""
+    """One specular kernel: its masking term, the exponent of its Fresnel term and its roughness sigma."""
 
     masking: str
-    tau: int
+    power: int
     sigma: float
 
 
@@ -50,14 +48,14 @@ def _paper_sigmas() -> F64:
 class GenericBasis:
     """Generic BRDFs of one colour channel, the same for each.
 
-    Kernels are ordered by masking, then tau (0, 1), then sigma; diffuse kernels come last.
+    Kernels are ordered by masking, then Fresnel power, then sigma; diffuse kernels come last.
 
     Args:
         name: ``paper``, ``extended``, or a custom set's own name.
         sigmas: Beckmann roughnesses (Eq. 9).
         maskings: shadowing and masking terms, ``vgroove`` (Eq. 10) or ``smith:ALPHA``.
         diffuse: names of DIFFUSE_KERNELS.
-        sigmas_of: roughnesses of single maskings that differ from ``sigmas``.
+        fresnel: exponents p of the Fresnel terms (1 - o.h)^p; 5 and 0 are Eq. 11 at tau = 0 and 1.
 
     Raises:
         InputError: on unknown names, or roughnesses that are not positive.
@@ -67,7 +65,7 @@ class GenericBasis:
     sigmas: F64 = field(default_factory=_paper_sigmas)
     maskings: tuple[str, ...] = ("vgroove",)
     diffuse: tuple[str, ...] = ("lambert",)
-    sigmas_of: dict[str, F64] = field(default_factory=dict)
+    fresnel: tuple[int, ...] = (5, 0)
 
     def __post_init__(self) -> None:
         for masking in self.maskings:
@@ -76,23 +74,19 @@ class GenericBasis:
         for kernel in self.diffuse:
             if kernel not in DIFFUSE_KERNELS:
                 raise InputError(f"diffuse kernel {kernel!r}", expected=f"one of {sorted(DIFFUSE_KERNELS)}")
-        for masking in self.maskings:
-            sigmas = self.sigmas_for(masking)
-            if not (np.isfinite(sigmas).all() and (sigmas > 0).all()):
-                raise InputError(f"roughnesses of {masking!r}: {sigmas}", expected="finite values above 0")
-
-    def sigmas_for(self, masking: str) -> F64:
-        """Roughnesses that kernels with this masking come in."""
-        return np.asarray(self.sigmas_of.get(masking, self.sigmas), np.float64)
+        if not (np.isfinite(self.sigmas).all() and (self.sigmas > 0).all()):
+            raise InputError(f"roughnesses {self.sigmas}", expected="finite values above 0")
+        if len(set(self.fresnel)) != len(self.fresnel) or not all(0 <= p <= 9 for p in self.fresnel):
+            raise InputError(f"Fresnel exponents {self.fresnel}", expected="different whole numbers from 0 to 9")
 
     @cached_property
     def lobes(self) -> tuple[Lobe, ...]:
         """The specular kernels, in order."""
         return tuple(
-            Lobe(masking, tau, float(sigma))
+            Lobe(masking, power, float(sigma))
             for masking in self.maskings
-            for tau in (0, 1)
-            for sigma in self.sigmas_for(masking)
+            for power in self.fresnel
+            for sigma in self.sigmas
         )
 
     @property
@@ -100,9 +94,7 @@ class GenericBasis:
         """Number of kernels a channel, J."""
         return len(self.lobes) + len(self.diffuse)
 
-    def evaluate(
-        self, i_in_local: Float, o_in_local: Float, kernels: Sequence[int] | None = None
-    ) -> F64:
+    def evaluate(self, i_in_local: Float, o_in_local: Float, kernels: Sequence[int] | None = None) -> F64:
         """BRDF values of all kernels (Eqs. 8 to 11, with F of o.h), the slow twin of the operator.
 
         Args:
@@ -121,14 +113,14 @@ class GenericBasis:
         h = h / np.maximum(np.linalg.norm(h, axis=-1, keepdims=True), 1e-12)
         n_h, o_h = h[..., 2], np.sum(o * h, axis=-1)
         shadowed = {m: masking_value(m, n_i, n_o, o_h, n_h) / (4.0 * n_i * n_o) for m in self.maskings}
-        fresnel = [schlick(o_h, tau) for tau in (0, 1)]
+        fresnel = {power: (1.0 - np.clip(o_h, 0.0, 1.0)) ** power for power in self.fresnel}
         distribution = cache(lambda sigma: beckmann(n_h, sigma))
         chosen = range(self.kernels) if kernels is None else kernels
         values = np.empty((*n_i.shape, len(chosen)))
         for k, j in enumerate(chosen):
             if j < len(self.lobes):
-                masking, tau, sigma = self.lobes[j]
-                values[..., k] = distribution(sigma) * shadowed[masking] * fresnel[tau]
+                masking, power, sigma = self.lobes[j]
+                values[..., k] = distribution(sigma) * shadowed[masking] * fresnel[power]
             else:
                 name = self.diffuse[j - len(self.lobes)]
                 values[..., k] = diffuse_value(DIFFUSE_KERNELS[name], n_i, n_o)
@@ -143,8 +135,18 @@ def paper() -> GenericBasis:
 
 @cache
 def extended() -> GenericBasis:
-    """The published basis, Smith masking of one fixed alpha, and a view-dependent diffuse pair."""
-    return GenericBasis("extended", maskings=("vgroove", "smith:0.5"), diffuse=("lambert_1mf", "lambert_f"))
+    """What measured materials need at grazing angles, found by measurement (docs/basis.md).
+
+    Every third of the published roughnesses, two Smith maskings of fixed alpha, a Fresnel term between
+    Schlick's two, and four more diffuse shapes. It does not contain ``paper``.
+    """
+    return GenericBasis(
+        "extended",
+        sigmas=_paper_sigmas()[::3],
+        maskings=("smith:0.2", "smith:1"),
+        diffuse=("lambert", "half", "grazing5", "grazing10", "shade"),
+        fresnel=(5, 2, 0),
+    )
 
 
 def basis_by_name(name: str) -> GenericBasis:

@@ -7,6 +7,8 @@ All cosines are of unit directions with the normal, in the local frame n = (0, 0
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from swatchwork.arrays import F64, Float
@@ -61,11 +63,20 @@ def smith_alpha(masking: str) -> float:
     return alpha
 
 
-def diffuse_value(coefficients: tuple[float, float, float, float], n_dot_i: Float, n_dot_o: Float) -> F64:
-    """Diffuse BRDF (a + b f_o + c f_i + d f_i f_o) / pi with f_v = (1 - n.v)^5."""
-    a, b, c, d = coefficients
-    f_i, f_o = schlick(n_dot_i), schlick(n_dot_o)
-    return (a + b * f_o + c * f_i + d * f_i * f_o) / np.pi
+DIFFUSE_SHAPES: dict[str, Callable[[F64], F64]] = {
+    "one": np.ones_like,
+    "half": lambda c: 1.0 - (1.0 - 0.5 * c) ** 5,
+    "fifth": lambda c: (1.0 - c) ** 5,
+    "tenth": lambda c: (1.0 - c) ** 10,
+    "shade": lambda c: 1.0 / (1.0 + c),
+}
+"""Functions of one cosine that diffuse kernels are products of, in the native operator's order."""
+
+
+def diffuse_value(terms: tuple[tuple[str, str], ...], n_dot_i: Float, n_dot_o: Float) -> F64:
+    """Diffuse BRDF: the sum over the terms (a, b) of a(n.i) b(n.o) / pi, shapes by name."""
+    c_i, c_o = (np.clip(np.asarray(c, np.float64), 0.0, 1.0) for c in (n_dot_i, n_dot_o))
+    return np.asarray(sum(DIFFUSE_SHAPES[a](c_i) * DIFFUSE_SHAPES[b](c_o) for a, b in terms) / np.pi)
 
 
 def reflected_light(h: Float, o: Float) -> F64:

@@ -10,13 +10,15 @@ from swatchwork.response.operator import (
     instruction_sets,
     representative_responses,
 )
-from swatchwork.response.rings import DEFAULT_RINGS, Rings
+from swatchwork.response.rings import DEFAULT_QUADRATURE, Quadrature, Rings, log_rings
 
 __all__ = [
-    "DEFAULT_RINGS",
+    "DEFAULT_QUADRATURE",
+    "Quadrature",
     "Rings",
     "compiled",
     "generic_responses",
     "instruction_sets",
+    "log_rings",
     "representative_responses",
 ]

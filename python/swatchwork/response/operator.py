@@ -12,29 +12,32 @@ import numpy.typing as npt
 from swatchwork._native import Pyramid, RingBasis, instruction_sets
 from swatchwork.arrays import F32, F64, I32, U64, Float
 from swatchwork.reflectance import DIFFUSE_KERNELS, GenericBasis
-from swatchwork.response.rings import DEFAULT_RINGS, Rings
+from swatchwork.response.rings import DEFAULT_QUADRATURE, Quadrature
 
 __all__ = ["compiled", "generic_responses", "instruction_sets", "representative_responses"]
 
 
 @lru_cache(maxsize=16)
-def compiled(basis: GenericBasis, rings: Rings = DEFAULT_RINGS) -> RingBasis:
+def compiled(basis: GenericBasis, quadrature: Quadrature = DEFAULT_QUADRATURE) -> RingBasis:
     """``basis`` as rows over ring means, for the Rust core; kept for each pair of objects."""
     plane = [2 * basis.maskings.index(lobe.masking) + lobe.tau for lobe in basis.lobes]
-    weights = [rings.weights(lobe.sigma) for lobe in basis.lobes]
+    weights = [quadrature.weights(lobe.sigma) for lobe in basis.lobes]
     diffuse = [DIFFUSE_KERNELS[name] for name in basis.diffuse]
+    bins = quadrature.bins
     return RingBasis(
-        rings.tangents.astype(np.float32),
-        rings.solid_angles.astype(np.float32),
-        rings.azimuths.astype(np.uint32),
+        quadrature.tangents.astype(np.float32),
+        quadrature.solid_angles.astype(np.float32),
+        quadrature.azimuths.astype(np.uint32),
+        quadrature.layer.astype(np.uint32),
+        (float(bins[0]), float(bins[1] / bins[0]), bins.size),
         list(basis.maskings),
         np.array(plane, np.uint32),
-        np.array(weights, np.float32).reshape(len(plane), rings.azimuths.size),
+        np.array(weights, np.float32).reshape(len(plane), quadrature.azimuths.size + 2 * bins.size),
         np.array(diffuse, np.float32).reshape(-1, 4),
     )
 
 
-def generic_responses(  # noqa: PLR0917 (the design's order)
+def generic_responses(
     basis: GenericBasis,
     pyramid: Pyramid,
     normal: Float,
@@ -42,7 +45,7 @@ def generic_responses(  # noqa: PLR0917 (the design's order)
     sky: U64 | None = None,
     sky_row: I32 | None = None,
     *,
-    rings: Rings = DEFAULT_RINGS,
+    quadrature: Quadrature = DEFAULT_QUADRATURE,
     instruction_set: str | None = None,
 ) -> F32:
     """Radiance that each pair's viewer would see of each generic kernel (Eq. 13).
@@ -54,7 +57,7 @@ def generic_responses(  # noqa: PLR0917 (the design's order)
         to_viewer: unit directions to the viewer [P, 3], world.
         sky: visibility of 64 x 64 octahedral cells [Q, 64] (bit i of word j; 1 = sky), world.
         sky_row: row of ``sky`` of each pair [P], -1 where all the sky is visible (the default).
-        rings: the quadrature.
+        quadrature: where half-vectors are sampled.
         instruction_set: one of ``instruction_sets()``; the best one by default.
 
     Returns:
@@ -64,10 +67,10 @@ def generic_responses(  # noqa: PLR0917 (the design's order)
         ValueError: naming the argument whose shape, layout or values are wrong.
     """
     pairs = _pairs(normal, to_viewer, sky, sky_row)
-    return compiled(basis, rings).generic_responses(pyramid, *pairs, instruction_set)
+    return compiled(basis, quadrature).generic_responses(pyramid, *pairs, instruction_set)
 
 
-def representative_responses(  # noqa: PLR0917 (the design's order)
+def representative_responses(
     basis: GenericBasis,
     representatives: F64,
     pyramid: Pyramid,
@@ -76,7 +79,7 @@ def representative_responses(  # noqa: PLR0917 (the design's order)
     sky: U64 | None = None,
     sky_row: I32 | None = None,
     *,
-    rings: Rings = DEFAULT_RINGS,
+    quadrature: Quadrature = DEFAULT_QUADRATURE,
     instruction_set: str | None = None,
 ) -> F32:
     """Radiance that each pair's viewer would see of each representative (Eq. 14).
@@ -86,7 +89,7 @@ def representative_responses(  # noqa: PLR0917 (the design's order)
     """
     pairs = _pairs(normal, to_viewer, sky, sky_row)
     weights = np.ascontiguousarray(representatives, np.float64)
-    return compiled(basis, rings).representative_responses(weights, pyramid, *pairs, instruction_set)
+    return compiled(basis, quadrature).representative_responses(weights, pyramid, *pairs, instruction_set)
 
 
 def _pairs(

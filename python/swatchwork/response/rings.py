@@ -1,6 +1,11 @@
 # SPDX-FileCopyrightText: Swatchwork contributors
 # SPDX-License-Identifier: MIT
-"""Log-polar rings of half-vectors, over which a Beckmann lobe integrates in closed form (Eq. 9)."""
+"""Log-polar rings of half-vectors, over which a Beckmann lobe integrates in closed form (Eq. 9).
+
+Three layers of rings serve three bands of roughness. Sharp lobes look up the whole environment.
+Broader ones look up an environment without its brightest spots, which a few hundred lookups would
+catch or miss, and sum over those spots as point lights; the broadest leave out weaker spots too.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swatchwork.arrays import F64, U32
+from swatchwork.arrays import F64, I64
 from swatchwork.errors import InputError
 
 
@@ -20,13 +25,16 @@ class Rings:
         edges: inner bounds between rings [R - 1], rising; the first ring is the disc inside
             ``edges[0]``, the last one reaches to infinity.
         azimuths: samples on each ring [R], even.
+        blur: area that a lookup is filtered over, in parts of the environment that a sample stands
+            for, before rounding to half a level sharper on average.
 
     Raises:
         InputError: where the shapes disagree, edges do not rise or azimuths are odd.
     """
 
     edges: F64
-    azimuths: U32
+    azimuths: I64
+    blur: float = 1.0
 
     def __post_init__(self) -> None:
         rising = self.edges.size > 0 and self.edges[0] > 0 and bool((np.diff(self.edges) > 0).all())
@@ -43,9 +51,9 @@ class Rings:
 
     @property
     def solid_angles(self) -> F64:
-        """Half-vector solid angle of one sample of each ring [R], in steradians."""
+        """Half-vector solid angle [R] of one sample of each ring, in steradians, times ``blur``."""
         cosines = np.concatenate([[1.0], 1.0 / np.sqrt(1.0 + self.edges**2), [0.0]])
-        return 2.0 * np.pi * -np.diff(cosines) / self.azimuths
+        return 2.0 * np.pi * self.blur * -np.diff(cosines) / self.azimuths
 
     def weights(self, sigma: float) -> F64:
         """Probability [R] that a facet of Beckmann roughness ``sigma`` lies on each ring; sums to 1."""
@@ -53,10 +61,84 @@ class Rings:
         return -np.diff(beyond)
 
 
-def log_rings(count: int, azimuths: int, innermost: float = 4e-4, outermost: float = 1.6) -> Rings:
-    """``count`` rings with edges logarithmic between two tangents, all with as many azimuths."""
+def log_rings(
+    innermost: float,
+    outermost: float,
+    count: int,
+    azimuths: int,
+    *,
+    blur: float = 1.0,
+    few: tuple[float, int] = (0.0, 2),
+) -> Rings:
+    """``count`` rings with edges logarithmic between two tangents, and ``azimuths`` on each.
+
+    ``few`` gives a tangent and the azimuths of the rings inside it, which are smaller than a texel.
+    """
     edges = np.geomspace(innermost, outermost, count - 1)
-    return Rings(edges, np.full(count, azimuths, np.uint32))
+    inside = np.append(edges < few[0], False)
+    return Rings(edges, np.where(inside, few[1], azimuths), blur)
 
 
-DEFAULT_RINGS = log_rings(64, 24)
+@dataclass(frozen=True, eq=False)
+class Quadrature:
+    """Rings for three bands of roughness, and bins for the light of point lights.
+
+    Args:
+        layers: rings of the sharp, the middle and the broad band.
+        bounds: roughness from which the middle and the broad band begin.
+        bins: tangents [Q] by which light from point lights is kept, a constant factor apart.
+    """
+
+    layers: tuple[Rings, Rings, Rings]
+    bounds: tuple[float, float]
+    bins: F64
+
+    @property
+    def tangents(self) -> F64:
+        """Where the rings of all layers are sampled [R]."""
+        return np.concatenate([rings.tangents for rings in self.layers])
+
+    @property
+    def solid_angles(self) -> F64:
+        """What their lookups are filtered over [R], in steradians of half-vectors."""
+        return np.concatenate([rings.solid_angles for rings in self.layers])
+
+    @property
+    def azimuths(self) -> I64:
+        """Samples on the rings of all layers [R]."""
+        return np.concatenate([rings.azimuths for rings in self.layers])
+
+    @property
+    def layer(self) -> I64:
+        """Layer of each ring [R]."""
+        return np.repeat(np.arange(3), [rings.azimuths.size for rings in self.layers])
+
+    @property
+    def lookups(self) -> int:
+        """Environment lookups a pair."""
+        return int(self.azimuths.sum())
+
+    def weights(self, sigma: float) -> F64:
+        """Weights [R + 2 Q] of one roughness: over its layer's rings, and D (Eq. 9) at the bins of the
+        strong and of the weak lights, where its layer leaves them out."""
+        band = int(sigma >= self.bounds[0]) + int(sigma >= self.bounds[1])
+        rings = [
+            r.weights(sigma) if k == band else np.zeros(r.azimuths.size) for k, r in enumerate(self.layers)
+        ]
+        cosine2 = 1.0 / (1.0 + self.bins**2)
+        density = np.exp(-((self.bins / sigma) ** 2)) / (np.pi * sigma**2 * cosine2**2)
+        lights = [density * (band > k) for k in range(2)]
+        return np.concatenate(rings + lights)
+
+
+DEFAULT_QUADRATURE = Quadrature(
+    layers=(
+        log_rings(4e-4, 0.075, 28, 24, few=(0.004, 8)),
+        log_rings(0.006, 0.32, 26, 48),
+        log_rings(0.02, 1.5, 24, 48, blur=2.0),
+    ),
+    bounds=(0.028, 0.125),
+    bins=np.geomspace(0.006, 2.0, 60),
+)
+"""Fewest lookups found that keep every kernel within 1.5 %, and sharp ones within 0.7 %, of brute force
+under real probes (scripts/measure/forward_model.py)."""

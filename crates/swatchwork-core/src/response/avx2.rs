@@ -7,7 +7,8 @@
 //! compiles with, and calls after checking for, AVX2, FMA and F16C.
 
 use super::lanes::{Array, Lanes, Sky, each};
-use super::pyramid::{CELLS, Pyramid, Quad};
+use super::mipmap::{Mipmap, Quad};
+use super::pyramid::CELLS;
 use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Sub};
 
@@ -114,8 +115,8 @@ impl Lanes for Avx2 {
     }
 
     #[inline(always)]
-    fn fetch(pyramid: &Pyramid, u: Self, v: Self, area: Self) -> [Self; 3] {
-        let halves = both!(H => fetch_half(pyramid, u.0[H], v.0[H], area.0[H]));
+    fn fetch(mipmap: &Mipmap, u: Self, v: Self, area: Self) -> [Self; 3] {
+        let halves = both!(H => fetch_half(mipmap, u.0[H], v.0[H], area.0[H]));
         each!(C => Self([halves[0][C], halves[1][C]]))
     }
 
@@ -135,20 +136,20 @@ impl Lanes for Avx2 {
 
 /// Eight lanes of a fetch.
 #[inline(always)]
-unsafe fn fetch_half(pyramid: &Pyramid, u: __m256, v: __m256, area: __m256) -> [__m256; 3] {
+unsafe fn fetch_half(mipmap: &Mipmap, u: __m256, v: __m256, area: __m256) -> [__m256; 3] {
     unsafe {
         let zero = _mm256_setzero_si256();
         let exponent = _mm256_sub_epi32(
             _mm256_srai_epi32::<23>(_mm256_castps_si256(area)),
             _mm256_set1_epi32(127),
         );
-        let top = _mm256_set1_epi32(pyramid.levels.len() as i32 - 1);
+        let top = _mm256_set1_epi32(mipmap.levels.len() as i32 - 1);
         let level = _mm256_min_epi32(
             _mm256_max_epi32(_mm256_srai_epi32::<1>(exponent), zero),
             top,
         );
-        let size = _mm256_i32gather_ps::<4>(pyramid.quad_size.as_ptr(), level);
-        let start = _mm256_i32gather_epi32::<4>(pyramid.quad_start.as_ptr(), level);
+        let size = _mm256_i32gather_ps::<4>(mipmap.quad_size.as_ptr(), level);
+        let start = _mm256_i32gather_epi32::<4>(mipmap.quad_start.as_ptr(), level);
         let (x, y) = (bounded(u, size), bounded(v, size));
         let (i, j) = (_mm256_cvttps_epi32(x), _mm256_cvttps_epi32(y));
         let p = _mm256_sub_ps(x, _mm256_cvtepi32_ps(i));
@@ -157,7 +158,7 @@ unsafe fn fetch_half(pyramid: &Pyramid, u: __m256, v: __m256, area: __m256) -> [
         let at = _mm256_add_epi32(_mm256_add_epi32(start, i), _mm256_mullo_epi32(j, stride));
         let at: [u32; 8] = std::mem::transmute(at);
         let q: [f32; 8] = std::mem::transmute(q);
-        let quads = pyramid.quads.as_ptr();
+        let quads = mipmap.quads.as_ptr();
         // Group g holds lanes g and g + 4; see the AVX-512 version.
         let mixed = [
             group::<0>(quads, &at, p, &q),

@@ -7,7 +7,8 @@
 //! compiles with, and calls after checking for, AVX-512 F, BW, DQ and VL, FMA and F16C.
 
 use super::lanes::{Array, Lanes, Sky};
-use super::pyramid::{CELLS, Pyramid, Quad};
+use super::mipmap::{Mipmap, Quad};
+use super::pyramid::CELLS;
 use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Sub};
 
@@ -90,20 +91,20 @@ impl Lanes for Avx512 {
     }
 
     #[inline(always)]
-    fn fetch(pyramid: &Pyramid, u: Self, v: Self, area: Self) -> [Self; 3] {
+    fn fetch(mipmap: &Mipmap, u: Self, v: Self, area: Self) -> [Self; 3] {
         unsafe {
             let zero = _mm512_setzero_si512();
             let exponent = _mm512_sub_epi32(
                 _mm512_srai_epi32::<23>(_mm512_castps_si512(area.0)),
                 _mm512_set1_epi32(127),
             );
-            let top = _mm512_set1_epi32(pyramid.levels.len() as i32 - 1);
+            let top = _mm512_set1_epi32(mipmap.levels.len() as i32 - 1);
             let level = _mm512_min_epi32(
                 _mm512_max_epi32(_mm512_srai_epi32::<1>(exponent), zero),
                 top,
             );
-            let sizes = _mm512_loadu_ps(pyramid.quad_size.as_ptr());
-            let starts = _mm512_loadu_si512(pyramid.quad_start.as_ptr().cast());
+            let sizes = _mm512_loadu_ps(mipmap.quad_size.as_ptr());
+            let starts = _mm512_loadu_si512(mipmap.quad_start.as_ptr().cast());
             let size = _mm512_permutexvar_ps(level, sizes);
             let start = _mm512_permutexvar_epi32(level, starts);
             let (x, y) = (bounded(u.0, size), bounded(v.0, size));
@@ -112,8 +113,8 @@ impl Lanes for Avx512 {
             let q = _mm512_sub_ps(y, _mm512_cvtepi32_ps(j));
             let stride = _mm512_add_epi32(_mm512_cvttps_epi32(size), _mm512_set1_epi32(1));
             let at = _mm512_add_epi32(_mm512_add_epi32(start, i), _mm512_mullo_epi32(j, stride));
-            let at: [u32; 16] = std::mem::transmute(at);
-            let quads = pyramid.quads.as_ptr();
+            let at = indices(at);
+            let quads = mipmap.quads.as_ptr();
             // Group g holds lanes g, g + 4, g + 8 and g + 12, so that a transpose inside each
             // 128-bit part brings the lanes into order.
             let mixed = [
@@ -170,6 +171,16 @@ unsafe fn cell(s: __m512) -> __m512i {
         let x = _mm512_mul_ps(s, _mm512_set1_ps(CELLS as f32));
         let x = _mm512_max_ps(x, _mm512_setzero_ps());
         _mm512_cvttps_epi32(_mm512_min_ps(x, _mm512_set1_ps(CELLS as f32 - 1.0)))
+    }
+}
+
+/// Lanes in memory: sixteen plain loads are cheaper than the extractions a compiler would choose.
+#[inline(always)]
+unsafe fn indices(v: __m512i) -> [u32; 16] {
+    let mut out = std::mem::MaybeUninit::<[u32; 16]>::uninit();
+    unsafe {
+        _mm512_storeu_si512(out.as_mut_ptr().cast(), v);
+        std::ptr::read_volatile(&out).assume_init()
     }
 }
 

@@ -4,6 +4,9 @@
 //! What the operator integrates: rings of half-vectors, masking terms, and the kernels as rows over
 //! ring means (specular) and over cosine integrals (diffuse).
 
+use super::pyramid::LAYERS;
+use std::ops::Range;
+
 /// A ring of half-vectors about the normal.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ring {
@@ -13,7 +16,48 @@ pub struct Ring {
     pub azimuths: u32,
     /// Solid angle of one sample's part of the half-vector sphere; it sets the pyramid level.
     pub solid_angle: f32,
+    /// Layer of the environment that it looks up: 0 whole, 1 and 2 without ever weaker spots.
+    pub layer: usize,
 }
+
+/// Where light from point lights is kept: bins of tan(alpha), a constant factor apart.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LightBins {
+    /// Tangent of the first bin; smaller ones count as this.
+    pub first: f32,
+    /// Factor between bins, above 1.
+    pub factor: f32,
+    /// Number of bins; light beyond the last is dropped.
+    pub count: usize,
+}
+
+impl LightBins {
+    /// Offset and scale that make a squared tangent's base-2 logarithm a fractional bin.
+    pub(super) fn mapping(&self) -> [f32; 2] {
+        [2.0 * self.first.log2(), 0.5 / self.factor.log2()]
+    }
+}
+
+/// Base-2 logarithm of a positive number within 2e-5, in operations that vectorise.
+#[inline(always)]
+pub(super) fn log2(v: f32) -> f32 {
+    let bits = v.to_bits();
+    let exponent = (bits >> 23) as i32 - 127;
+    let m = f32::from_bits((bits & 0x007f_ffff) | 0x3f80_0000) - 1.0;
+    let mut p = LOG2[LOG2.len() - 1];
+    for c in LOG2.iter().rev().skip(1) {
+        p = p * m + c;
+    }
+    exponent as f32 + p * m
+}
+
+const LOG2: [f32; 5] = [
+    1.441_917,
+    -0.709_096_4,
+    0.415_605_9,
+    -0.193_575_53,
+    0.045_148_98,
+];
 
 /// Shadowing and masking G. None depends on roughness, so that all share the lookups.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,7 +76,8 @@ pub const MOST_MASKINGS: usize = 4;
 pub struct SpecularRow {
     /// Masking times 2, plus 1 for tau = 1 (Eq. 11).
     pub plane: usize,
-    /// Probability that the kernel's half-vector falls on each ring.
+    /// Probability that the kernel's half-vector falls on each ring, then D of Eq. 9 at the light bins
+    /// for the lights that layer 1 leaves out, then for those that only layer 2 does.
     pub weights: Vec<f32>,
 }
 
@@ -46,8 +91,11 @@ pub struct Basis {
     pub(super) rings: Vec<Ring>,
     /// Tangential part (x, y >= 0) of the half-vectors, ring after ring; each stands for (x, -y) too.
     pub(super) tangential: Vec<[f32; 2]>,
+    pub(super) light_bins: LightBins,
     pub(super) maskings: Vec<Masking>,
     pub(super) specular: Vec<SpecularRow>,
+    /// Where each specular row is not 0, as ranges of its weights.
+    pub(super) runs: Vec<Vec<Range<usize>>>,
     pub(super) diffuse: Vec<DiffuseRow>,
 }
 
@@ -61,6 +109,19 @@ fn half_ring(ring: &Ring) -> impl Iterator<Item = [f32; 2]> + use<> {
     })
 }
 
+/// Ranges of what is not negligible beside a row's largest weight.
+fn runs(weights: &[f32]) -> Vec<Range<usize>> {
+    let least = 1e-9 * weights.iter().fold(0.0f32, |m, w| m.max(w.abs()));
+    let mut runs: Vec<Range<usize>> = Vec::new();
+    for (at, _) in weights.iter().enumerate().filter(|(_, w)| w.abs() > least) {
+        match runs.last_mut() {
+            Some(run) if run.end == at => run.end += 1,
+            _ => runs.push(at..at + 1),
+        }
+    }
+    runs
+}
+
 /// Why a basis cannot be used; the message names the part at fault.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BasisError(pub String);
@@ -69,6 +130,7 @@ impl Basis {
     /// Checks and keeps a set of kernels.
     pub fn new(
         rings: Vec<Ring>,
+        light_bins: LightBins,
         maskings: Vec<Masking>,
         specular: Vec<SpecularRow>,
         diffuse: Vec<DiffuseRow>,
@@ -80,6 +142,12 @@ impl Basis {
                     "ring {r} has a tangent or solid angle that is not positive"
                 )));
             }
+            if ring.layer >= LAYERS {
+                return Err(BasisError(format!(
+                    "ring {r} is of layer {}; there are {LAYERS}",
+                    ring.layer
+                )));
+            }
             if ring.azimuths == 0 || ring.azimuths % 2 == 1 {
                 return Err(BasisError(format!(
                     "ring {r} has {} azimuths; expected an even number",
@@ -87,6 +155,14 @@ impl Basis {
                 )));
             }
         }
+        if light_bins.count == 1
+            || light_bins.count > 0 && !(light_bins.first > 0.0 && light_bins.factor > 1.0)
+        {
+            return Err(BasisError(
+                "light bins need a positive start, a factor above 1, and two bins".into(),
+            ));
+        }
+        let entries = rings.len() + (LAYERS - 1) * light_bins.count;
         if maskings.len() > MOST_MASKINGS {
             return Err(BasisError(format!(
                 "{} masking terms; at most {MOST_MASKINGS}",
@@ -101,10 +177,9 @@ impl Basis {
                     2 * maskings.len()
                 )));
             }
-            if row.weights.len() != rings.len() || row.weights.iter().any(|w| !w.is_finite()) {
+            if row.weights.len() != entries || row.weights.iter().any(|w| !w.is_finite()) {
                 return Err(BasisError(format!(
-                    "kernel {j} needs {} finite ring weights",
-                    rings.len()
+                    "kernel {j} needs {entries} finite weights"
                 )));
             }
         }
@@ -117,7 +192,9 @@ impl Basis {
         let tangential = rings.iter().flat_map(half_ring).collect();
         Ok(Self {
             tangential,
+            runs: specular.iter().map(|row| runs(&row.weights)).collect(),
             rings,
+            light_bins,
             maskings,
             specular,
             diffuse,
@@ -134,13 +211,18 @@ impl Basis {
         self.rings.iter().map(|r| r.azimuths as usize).sum()
     }
 
-    /// Length of the vector of means a pair and channel is reduced to: planes by rings, then E0, E0 f, E1, E1 f.
+    /// Rings and light bins of a plane.
+    fn entries(&self) -> usize {
+        self.rings.len() + (LAYERS - 1) * self.light_bins.count
+    }
+
+    /// Length of the vector of means a pair and channel is reduced to: planes by rings and light bins, then E0, E0 f, E1, E1 f.
     pub(super) fn means(&self) -> usize {
-        2 * self.maskings.len() * self.rings.len() + 4
+        2 * self.maskings.len() * self.entries() + 4
     }
 
     /// Index of a plane's first ring in the vector of means.
     pub(super) fn plane_start(&self, plane: usize) -> usize {
-        plane * self.rings.len()
+        plane * self.entries()
     }
 }

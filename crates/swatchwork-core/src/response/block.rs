@@ -5,6 +5,7 @@
 
 use super::basis::{Basis, MOST_MASKINGS, Masking};
 use super::lanes::{Array, LANES, Lanes, Sky, each};
+use super::mipmap::Mipmap;
 use super::pyramid::Pyramid;
 
 /// Local frames of a block of pairs. Lanes without a pair repeat one, with `live` 0.
@@ -124,8 +125,7 @@ fn ring_sums<L: Lanes, const G: usize>(
     let z = each!(C => L::load(&frames.z[C]));
     let (ox, oz) = (L::load(&frames.sine), L::load(&frames.cosine));
     let (zero, one, two) = (L::splat(0.0), L::splat(1.0), L::splat(2.0));
-    let unit = L::load(&frames.live) * L::splat(L::fetch_unit(pyramid)) / oz;
-    let texels = (pyramid.size() * pyramid.size()) as f32;
+    let unit = L::load(&frames.live) / oz;
     let mut shadows = [Shadow::<L>::VGroove; G];
     for g in 0..G {
         shadows[g] = Shadow::new(basis.maskings[g], oz);
@@ -134,6 +134,8 @@ fn ring_sums<L: Lanes, const G: usize>(
     for (r, ring) in basis.rings.iter().enumerate() {
         let cosine = 1.0 / (1.0 + ring.tangent * ring.tangent).sqrt();
         let hz = L::splat(cosine);
+        let mipmap = &pyramid.layers[ring.layer];
+        let texels = (mipmap.size() * mipmap.size()) as f32;
         // Texels of the base that a sample's solid angle 4 (o.h) dh covers, made sharper.
         let area = L::splat(ring.solid_angle * texels * (SHARPEN / std::f32::consts::PI));
         let mut sums = [[[zero; 3]; 2]; G];
@@ -154,8 +156,8 @@ fn ring_sums<L: Lanes, const G: usize>(
             let middle = each!(C => ix.fma(x[C], in_ * z[C]));
             let right = each!(C => iy.fma(y[C], middle[C]));
             let left = each!(C => (zero - iy).fma(y[C], middle[C]));
-            let right = radiance::<L>(pyramid, sky, right, oh * area);
-            let left = radiance::<L>(pyramid, sky, left, oh * area);
+            let right = radiance::<L>(mipmap, sky, right, oh * area);
+            let left = radiance::<L>(mipmap, sky, left, oh * area);
             let both = each!(C => right[C] + left[C]);
             let f = fifth_power(one - oh);
             for g in 0..G {
@@ -168,7 +170,7 @@ fn ring_sums<L: Lanes, const G: usize>(
                 }
             }
         }
-        let scale = unit * L::splat(1.0 / (cosine * ring.azimuths as f32));
+        let scale = unit * L::splat(L::fetch_unit(mipmap) / (cosine * ring.azimuths as f32));
         for (g, sums) in sums.iter().enumerate() {
             for (tau, sums) in sums.iter().enumerate() {
                 let at = 3 * (basis.plane_start(2 * g + tau) + r);
@@ -193,14 +195,14 @@ pub fn fifth_power<L: Lanes>(v: L) -> L {
 
 /// A masking term, with what depends on the viewer alone worked out.
 #[derive(Clone, Copy)]
-enum Shadow<L> {
+pub enum Shadow<L> {
     VGroove,
     Smith { square: L, rest: L, viewer: L },
 }
 
 impl<L: Lanes> Shadow<L> {
     #[inline(always)]
-    fn new(masking: Masking, on: L) -> Self {
+    pub fn new(masking: Masking, on: L) -> Self {
         match masking {
             Masking::VGroove => Self::VGroove,
             Masking::Smith(alpha) => {
@@ -217,7 +219,7 @@ impl<L: Lanes> Shadow<L> {
 
     /// G (o.h).
     #[inline(always)]
-    fn times_cosine(&self, in_: L, on: L, oh: L, hn: L) -> L {
+    pub fn times_cosine(&self, in_: L, on: L, oh: L, hn: L) -> L {
         match *self {
             Self::VGroove => oh.min((hn + hn) * in_.min(on)),
             Self::Smith {
@@ -234,9 +236,9 @@ impl<L: Lanes> Shadow<L> {
 
 /// Visible radiance from a unit direction.
 #[inline(always)]
-fn radiance<L: Lanes>(pyramid: &Pyramid, sky: &Sky, d: [L; 3], area: L) -> [L; 3] {
+fn radiance<L: Lanes>(mipmap: &Mipmap, sky: &Sky, d: [L; 3], area: L) -> [L; 3] {
     let [u, v] = square::<L>(d);
-    let radiance = L::fetch(pyramid, u, v, area);
+    let radiance = L::fetch(mipmap, u, v, area);
     if !sky.masked {
         return radiance;
     }

@@ -57,21 +57,23 @@ impl Folded {
 /// Results [J, 3] of a block's kernels.
 #[inline(always)]
 pub fn fold_kernels<L: Lanes>(basis: &Basis, means: &[Array], results: &mut [Array]) {
-    for (kernel, result) in basis.specular.iter().zip(results.chunks_exact_mut(3)) {
+    for (j, kernel) in basis.specular.iter().enumerate() {
         let start = basis.plane_start(kernel.plane);
         let mut sums = [L::splat(0.0); 3];
-        for (&weight, mean) in kernel
-            .weights
-            .iter()
-            .zip(means[3 * start..].chunks_exact(3))
-        {
-            let weight = L::splat(weight);
-            for c in 0..3 {
-                sums[c] = weight.fma(L::load(&mean[c]), sums[c]);
+        for run in &basis.runs[j] {
+            let mean = &means[3 * (start + run.start)..3 * (start + run.end)];
+            for (&weight, mean) in kernel.weights[run.clone()]
+                .iter()
+                .zip(mean.as_chunks::<3>().0)
+            {
+                let weight = L::splat(weight);
+                for c in 0..3 {
+                    sums[c] = weight.fma(L::load(&mean[c]), sums[c]);
+                }
             }
         }
         for c in 0..3 {
-            result[c] = sums[c].store();
+            results[3 * j + c] = sums[c].store();
         }
     }
     let last = &means[means.len() - 12..];

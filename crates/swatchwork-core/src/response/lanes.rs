@@ -4,7 +4,8 @@
 //! Sixteen numbers at a time. The kernels are written once over this trait; each instruction set
 //! implements it, and is compiled under its own target features in `run`.
 
-use super::pyramid::{CELLS, Pyramid};
+use super::mipmap::Mipmap;
+use super::pyramid::CELLS;
 use std::ops::{Add, Div, Mul, Sub};
 
 /// Lanes of every implementation: blocks have the same shape whatever the machine.
@@ -68,12 +69,12 @@ pub trait Lanes:
     /// Whether self > 0 in any lane.
     fn any_positive(self) -> bool;
     /// What `fetch` counts radiance in.
-    fn fetch_unit(pyramid: &Pyramid) -> f32 {
-        pyramid.quad_unit
+    fn fetch_unit(mipmap: &Mipmap) -> f32 {
+        mipmap.quad_unit
     }
     /// Bilinear radiance at a point (u, v) of the square. The level is floor(log2(area) / 2), for
     /// an `area` in texels of the base.
-    fn fetch(pyramid: &Pyramid, u: Self, v: Self, area: Self) -> [Self; 3];
+    fn fetch(mipmap: &Mipmap, u: Self, v: Self, area: Self) -> [Self; 3];
     /// 1 where the sky is visible at (u, v), else 0.
     fn visible(sky: &Sky, u: Self, v: Self) -> Self;
 }
@@ -164,17 +165,17 @@ impl Lanes for Plain {
         self.0.iter().any(|&v| v > 0.0)
     }
 
-    fn fetch_unit(_: &Pyramid) -> f32 {
+    fn fetch_unit(_: &Mipmap) -> f32 {
         1.0
     }
 
     #[inline(always)]
-    fn fetch(pyramid: &Pyramid, u: Self, v: Self, area: Self) -> [Self; 3] {
+    fn fetch(mipmap: &Mipmap, u: Self, v: Self, area: Self) -> [Self; 3] {
         let mut out = [[0.0; LANES]; 3];
         for k in 0..LANES {
             let exponent = (area.0[k].to_bits() >> 23) as i32 - 127;
-            let at = ((exponent >> 1).max(0) as usize).min(pyramid.levels.len() - 1);
-            let level = &pyramid.levels[at];
+            let at = ((exponent >> 1).max(0) as usize).min(mipmap.levels.len() - 1);
+            let level = &mipmap.levels[at];
             let (x, y) = (
                 u.0[k] * level.size as f32 + 0.5,
                 v.0[k] * level.size as f32 + 0.5,
@@ -183,8 +184,8 @@ impl Lanes for Plain {
             let (p, q) = (x - i as f32, y - j as f32);
             let stride = level.size + 2;
             let first = level.start + j * stride + i;
-            let upper = &pyramid.texels[first..first + 2];
-            let lower = &pyramid.texels[first + stride..first + stride + 2];
+            let upper = &mipmap.texels[first..first + 2];
+            let lower = &mipmap.texels[first + stride..first + stride + 2];
             for (c, out) in out.iter_mut().enumerate() {
                 let top = upper[0][c] + p * (upper[1][c] - upper[0][c]);
                 let bottom = lower[0][c] + p * (lower[1][c] - lower[0][c]);

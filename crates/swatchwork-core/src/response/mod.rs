@@ -8,20 +8,27 @@
 //! Beckmann lobe integrates over a ring in closed form: the lookups are made once a pair, and the
 //! kernels are a matrix over ring means.
 
+// Iterators over vector registers need closures, which are compiled without the target features of
+// the function they are in; loops over indices are not.
+#![allow(clippy::needless_range_loop)]
+
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
 mod basis;
 mod block;
+mod deposit;
 mod diffuse;
 mod fold;
 mod lanes;
+mod lights;
+mod mipmap;
 mod octahedral;
 mod pyramid;
 mod run;
 
-pub use basis::{Basis, BasisError, DiffuseRow, Masking, Ring, SpecularRow};
+pub use basis::{Basis, BasisError, DiffuseRow, LightBins, Masking, Ring, SpecularRow};
 pub use fold::Folded;
 pub use octahedral::{direction_from_square, square_from_direction};
 pub use pyramid::{Pyramid, PyramidError};

@@ -1,9 +1,11 @@
 // SPDX-FileCopyrightText: Swatchwork contributors
 // SPDX-License-Identifier: MIT
 
-//! Mip pyramid of an environment on the octahedral square: every level halves the last by 2x2
-//! means, which are exact area means because the map preserves area.
+//! An environment as the kernels want it: mip levels, the same without its brightest spots at two
+//! thresholds, those spots as point lights, and the cells that diffuse kernels integrate.
 
+use super::lights::{Light, without_lights};
+use super::mipmap::{Mipmap, halved};
 use super::octahedral::direction_from_square;
 
 /// Cells along a side of the sky masks, and of the level that diffuse kernels integrate.
@@ -11,6 +13,14 @@ pub const CELLS: usize = 64;
 
 /// Largest side of a base.
 pub const LARGEST: usize = 8192;
+
+/// Layers of an environment: whole; without strong spots; without weaker ones too.
+pub const LAYERS: usize = 3;
+
+/// Radiance, in means of the environment, above which each layer but the first hands light over to
+/// point lights; how many those may be, about; and the largest side of the layer's base. Strong spots
+/// are cut finely, because sharper lobes see them.
+const LAYER: [(f32, usize, usize); LAYERS - 1] = [(20.0, 1024, 512), (3.0, 768, 256)];
 
 /// Why a raster cannot become a pyramid.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -21,31 +31,12 @@ pub enum PyramidError {
     Value(usize),
 }
 
-/// One level, with a border one texel wide so that no bilinear fetch has to wrap.
-#[derive(Debug, Clone, Copy)]
-pub struct Level {
-    /// Index of the level's first bordered texel in the pyramid's texels.
-    pub start: usize,
-    /// Texels along a side, without the border.
-    pub size: usize,
-}
-
-/// Upper left, upper right, lower left and lower right texel of a fetch, RGBA in half precision.
-#[derive(Debug, Clone, Copy)]
-#[repr(C, align(32))]
-pub struct Quad(pub [[u16; 4]; 4]);
-
-/// All levels of an environment, from the base down to a single texel.
+/// An environment in the world frame.
 #[derive(Debug, Clone)]
 pub struct Pyramid {
-    pub(super) texels: Vec<[f32; 4]>,
-    pub(super) levels: Vec<Level>,
-    /// The same levels for the vector kernels: the four texels of each bilinear fetch side by side,
-    /// in half precision after division by `quad_unit`, and where each level's quads start.
-    pub(super) quads: Vec<Quad>,
-    pub(super) quad_unit: f32,
-    pub(super) quad_start: [i32; 16],
-    pub(super) quad_size: [f32; 16],
+    pub(super) layers: [Mipmap; LAYERS],
+    /// Lights that layer 1, and layer 2 beyond layer 1, leave out.
+    pub(super) lights: [Vec<Light>; LAYERS - 1],
     /// Radiance [3][CELLS * CELLS] and directions [3][CELLS * CELLS] of the sky-mask cells.
     pub(super) cell_radiance: [Vec<f32>; 3],
     pub(super) cell_direction: [Vec<f32>; 3],
@@ -63,106 +54,50 @@ impl Pyramid {
         if let Some(at) = base.iter().position(|v| !v.is_finite() || *v < 0.0) {
             return Err(PyramidError::Value(at));
         }
-        let mut raster: Vec<[f32; 3]> = base.chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect();
+        let raster: Vec<[f32; 3]> = base.as_chunks::<3>().0.to_vec();
+        let mean = base.iter().map(|&v| f64::from(v)).sum::<f64>() / base.len() as f64;
+        let layer = |raster: &[[f32; 3]], (threshold, most, side): (f32, usize, usize)| {
+            let (rest, lights) = without_lights(raster, size, threshold * mean as f32, most);
+            let (small, side) = at_most(rest.clone(), size, side);
+            (rest, lights, Mipmap::new(small, side))
+        };
+        let (rest, strong, first) = layer(&raster, LAYER[0]);
+        let (_, weak, second) = layer(&rest, LAYER[1]);
         let cells = cells_of(&raster, size);
-        let (mut texels, mut levels) = (Vec::new(), Vec::new());
-        let mut side = size;
-        loop {
-            levels.push(Level {
-                start: texels.len(),
-                size: side,
-            });
-            texels.extend(bordered(&sharpened(&raster, side), side));
-            if side == 1 {
-                break;
-            }
-            raster = halved(&raster, side);
-            side /= 2;
-        }
         let channel = |c: usize| cells.iter().map(|v| v[c]).collect::<Vec<f32>>();
         let directions = cell_directions();
         let axis = |c: usize| directions.iter().map(|d| d[c]).collect::<Vec<f32>>();
-        let mut pyramid = Self {
-            texels,
-            levels,
-            quads: Vec::new(),
-            quad_unit: 1.0,
-            quad_start: [0; 16],
-            quad_size: [0.0; 16],
+        Ok(Self {
+            layers: [Mipmap::new(raster, size), first, second],
+            lights: [strong, weak],
             cell_radiance: [channel(0), channel(1), channel(2)],
             cell_direction: [axis(0), axis(1), axis(2)],
-        };
-        pyramid.pack_quads();
-        Ok(pyramid)
-    }
-
-    /// Packs the levels into quads. A power of two brings the brightest texel just below 2^15, so that
-    /// half precision keeps eleven bits down to 2^-29 of it.
-    fn pack_quads(&mut self) {
-        let brightest = self.texels.iter().flatten().fold(0.0f32, |m, &v| m.max(v));
-        if brightest > 0.0 {
-            self.quad_unit = (brightest.log2().ceil() - 15.0).clamp(-126.0, 126.0).exp2();
-        }
-        let packed = |t: &[f32; 4]| t.map(|v| half_from_single(v / self.quad_unit));
-        for (at, level) in self.levels.iter().enumerate() {
-            self.quad_start[at] = self.quads.len() as i32;
-            self.quad_size[at] = level.size as f32;
-            let stride = level.size + 2;
-            for j in 0..=level.size {
-                for i in 0..=level.size {
-                    let first = level.start + j * stride + i;
-                    let four = [first, first + 1, first + stride, first + stride + 1];
-                    self.quads.push(Quad(four.map(|k| packed(&self.texels[k]))));
-                }
-            }
-        }
+        })
     }
 
     /// Texels along a side of the base.
     pub fn size(&self) -> usize {
-        self.levels[0].size
+        self.layers[0].size()
     }
 
-    /// Mean radiance over the sphere.
-    pub fn mean(&self) -> [f32; 3] {
-        let top = &self.texels[self.levels[self.levels.len() - 1].start];
-        [top[0], top[1], top[2]]
+    /// Point lights of either set.
+    pub fn light_counts(&self) -> [usize; LAYERS - 1] {
+        [self.lights[0].len(), self.lights[1].len()]
     }
 }
 
-/// Nearest half-precision number of a value within 65504 of zero, ties to even.
-fn half_from_single(v: f32) -> u16 {
-    let sign = ((v.to_bits() >> 16) & 0x8000) as u16;
-    let v = v.abs();
-    if v < 2.0f32.powi(-14) {
-        return sign | (v * 2.0f32.powi(24)).round_ties_even() as u16;
+/// A raster halved until its side is at most `largest`.
+fn at_most(mut raster: Vec<[f32; 3]>, mut side: usize, largest: usize) -> (Vec<[f32; 3]>, usize) {
+    while side > largest {
+        raster = halved(&raster, side);
+        side /= 2;
     }
-    let bits = v.to_bits();
-    let rounded = bits + 0xfff + ((bits >> 13) & 1);
-    sign | ((rounded >> 13) - (112 << 10)) as u16
-}
-
-/// 2x2 means of a raster of even side, in double precision per texel.
-fn halved(raster: &[[f32; 3]], side: usize) -> Vec<[f32; 3]> {
-    let half = side / 2;
-    let mut out = Vec::with_capacity(half * half);
-    for j in 0..half {
-        for i in 0..half {
-            let at = 2 * j * side + 2 * i;
-            let four = [at, at + 1, at + side, at + side + 1];
-            out.push([0, 1, 2].map(|c| 0.25 * four.iter().map(|&k| raster[k][c]).sum::<f32>()));
-        }
-    }
-    out
+    (raster, side)
 }
 
 /// The raster at the resolution of the sky masks: area means, or repeats of a coarser base.
 fn cells_of(base: &[[f32; 3]], size: usize) -> Vec<[f32; 3]> {
-    let (mut raster, mut side) = (base.to_vec(), size);
-    while side > CELLS {
-        raster = halved(&raster, side);
-        side /= 2;
-    }
+    let (raster, side) = at_most(base.to_vec(), size, CELLS);
     let repeat = CELLS / side;
     (0..CELLS * CELLS)
         .map(|k| raster[(k / CELLS / repeat) * side + (k % CELLS) / repeat])
@@ -176,121 +111,9 @@ fn cell_directions() -> Vec<[f32; 3]> {
         .collect()
 }
 
-/// A level with its border: across an edge of the square the sphere goes on at the mirrored place of
-/// the same edge, and all four corners are the lower pole.
-fn bordered(raster: &[[f32; 3]], side: usize) -> Vec<[f32; 4]> {
-    let n = side as isize;
-    let mut texels = Vec::with_capacity((side + 2) * (side + 2));
-    for j in -1..=n {
-        for i in -1..=n {
-            let (mut p, mut q) = (i, j);
-            if p < 0 || p >= n {
-                (p, q) = (p.clamp(0, n - 1), n - 1 - q);
-            }
-            if q < 0 || q >= n {
-                (p, q) = (n - 1 - p, q.clamp(0, n - 1));
-            }
-            let [r, g, b] = raster[q as usize * side + p as usize];
-            texels.push([r, g, b, 0.0]);
-        }
-    }
-    texels
-}
-
-/// Texels whose bilinear interpolation has the area means `raster`: interpolating the means themselves
-/// would blur them once more. Two steps of the fixed-point iteration take the error of a mirror-like
-/// lobe from 4 % to 0.1 %. A texel beside a bright window may fall below 0; clipping it would add
-/// light, as much as half of a window's in the coarse levels.
-fn sharpened(raster: &[[f32; 3]], side: usize) -> Vec<[f32; 3]> {
-    let mut texels = raster.to_vec();
-    for _ in 0..2 {
-        let means = means_of_interpolant(&texels, side);
-        for ((texel, target), mean) in texels.iter_mut().zip(raster).zip(&means) {
-            for c in 0..3 {
-                texel[c] += target[c] - mean[c];
-            }
-        }
-    }
-    texels
-}
-
-/// Area means of the bilinear interpolant: weights 1/8, 6/8, 1/8 along either axis.
-fn means_of_interpolant(raster: &[[f32; 3]], side: usize) -> Vec<[f32; 3]> {
-    let (padded, stride) = (bordered(raster, side), side + 2);
-    let mix = |a: f32, b: f32, c: f32| 0.125 * (a + c) + 0.75 * b;
-    let rows: Vec<[f32; 3]> = (0..side * stride)
-        .map(|k| {
-            [0, 1, 2].map(|c| {
-                mix(
-                    padded[k][c],
-                    padded[k + stride][c],
-                    padded[k + 2 * stride][c],
-                )
-            })
-        })
-        .collect();
-    (0..side * side)
-        .map(|k| k / side * stride + k % side)
-        .map(|k| [0, 1, 2].map(|c| mix(rows[k][c], rows[k + 1][c], rows[k + 2][c])))
-        .collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn levels_keep_the_mean() {
-        let base: Vec<f32> = (0..32 * 32 * 3).map(|k| (k * 7919 % 101) as f32).collect();
-        let pyramid = Pyramid::new(&base, 32).unwrap();
-        let mean = base.iter().step_by(3).sum::<f32>() / 1024.0;
-        assert!((pyramid.mean()[0] - mean).abs() < 1e-3);
-        assert_eq!(pyramid.levels.len(), 6);
-    }
-
-    #[test]
-    fn border_continues_on_the_sphere() {
-        // A smooth function of direction must not jump across the border: the texel outside an
-        // edge is a neighbour on the sphere of the texel inside it.
-        let size = 64;
-        let mut base = Vec::new();
-        for j in 0..size {
-            for i in 0..size {
-                let at = |k: usize| (k as f32 + 0.5) / size as f32;
-                let d = direction_from_square([at(i), at(j)]);
-                base.extend_from_slice(&[d[0] + 1.0, d[1] + 1.0, d[2] + 1.0]);
-            }
-        }
-        let pyramid = Pyramid::new(&base, size).unwrap();
-        let stride = size + 2;
-        for k in 1..=size {
-            for (inside, outside) in [
-                (k * stride + 1, k * stride),
-                (k * stride + size, k * stride + size + 1),
-                (stride + k, k),
-                (size * stride + k, (size + 1) * stride + k),
-            ] {
-                for c in 0..3 {
-                    let jump = pyramid.texels[inside][c] - pyramid.texels[outside][c];
-                    // A texel is 0.055 across, and up to twice that where the map stretches.
-                    assert!(jump.abs() < 0.12, "{jump}");
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn half_precision_rounds_to_nearest() {
-        for (v, bits) in [
-            (0.0, 0),
-            (1.0, 0x3c00),
-            (32768.0, 0x7800),
-            (5.960_464_5e-8, 1),
-            (0.1, 0x2e66),
-        ] {
-            assert_eq!(half_from_single(v), bits, "{v}");
-        }
-    }
 
     #[test]
     fn refuses_what_is_not_radiance() {
@@ -301,5 +124,27 @@ mod tests {
         let mut base = [1.0; 12];
         base[5] = f32::NAN;
         assert_eq!(Pyramid::new(&base, 2).unwrap_err(), PyramidError::Value(5));
+    }
+
+    #[test]
+    fn layers_and_lights_share_the_light() {
+        let size = 128;
+        let mut base = vec![1.0f32; size * size * 3];
+        base[3 * (40 * size + 70)] = 5000.0;
+        base[3 * (40 * size + 71) + 1] = 300.0;
+        let pyramid = Pyramid::new(&base, size).unwrap();
+        let solid_angle = 4.0 * std::f32::consts::PI;
+        for c in 0..3 {
+            let total = |layer: usize| {
+                let mipmap = &pyramid.layers[layer];
+                let top = mipmap.texels[mipmap.levels.last().unwrap().start][c] * solid_angle;
+                let lights = pyramid.lights[..layer].iter().flatten();
+                top + lights.map(|light| light.power[c]).sum::<f32>()
+            };
+            // Single-precision sums.
+            assert!((total(1) - total(0)).abs() < 1e-3 * total(0));
+            assert!((total(2) - total(0)).abs() < 1e-3 * total(0));
+        }
+        assert!(pyramid.light_counts()[0] > 0);
     }
 }

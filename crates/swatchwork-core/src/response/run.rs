@@ -5,6 +5,7 @@
 
 use super::basis::Basis;
 use super::block::{Frames, fifth_power, ring_means};
+use super::deposit::light_means;
 use super::diffuse::cosine_integrals;
 use super::fold::{Folded, fold_kernels, fold_representatives, transpose};
 use super::lanes::{Array, LANES, Lanes, Plain, Sky};
@@ -131,6 +132,13 @@ pub fn representative_responses(
     );
 }
 
+/// Working space of one task.
+struct Scratch {
+    means: Vec<Array>,
+    lights: Vec<[f32; 4]>,
+    results: Vec<Array>,
+}
+
 /// Blocks that one task walks: enough to amortise its scratch space.
 const BLOCKS_A_TASK: usize = 8;
 
@@ -143,48 +151,50 @@ fn run(job: &Job, width: usize, set: InstructionSet, out: &mut [f32]) {
     out.par_chunks_mut(BLOCKS_A_TASK * LANES * width)
         .enumerate()
         .for_each(|(task, out)| {
-            let mut means = vec![[0.0; LANES]; job.basis.means() * 3];
-            let mut results = vec![[0.0; LANES]; width];
+            let mut scratch = Scratch {
+                means: vec![[0.0; LANES]; job.basis.means() * 3],
+                lights: Vec::new(),
+                results: vec![[0.0; LANES]; width],
+            };
             for (block, out) in out.chunks_mut(LANES * width).enumerate() {
                 let first = (task * BLOCKS_A_TASK + block) * LANES;
-                dispatch(job, first, set, &mut means, &mut results);
-                transpose(&results, out);
+                dispatch(job, first, set, &mut scratch);
+                transpose(&scratch.results, out);
             }
         });
 }
 
-fn dispatch(
-    job: &Job,
-    first: usize,
-    set: InstructionSet,
-    means: &mut [Array],
-    results: &mut [Array],
-) {
+fn dispatch(job: &Job, first: usize, set: InstructionSet, scratch: &mut Scratch) {
     #[cfg(target_arch = "x86_64")]
     {
         #[target_feature(
             enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma,f16c,bmi1,bmi2,popcnt"
         )]
-        fn avx512(job: &Job, first: usize, means: &mut [Array], results: &mut [Array]) {
-            block::<Avx512>(job, first, means, results);
+        fn avx512(job: &Job, first: usize, scratch: &mut Scratch) {
+            block::<Avx512>(job, first, scratch);
         }
         #[target_feature(enable = "avx2,fma,f16c,bmi1,bmi2,popcnt")]
-        fn avx2(job: &Job, first: usize, means: &mut [Array], results: &mut [Array]) {
-            block::<Avx2>(job, first, means, results);
+        fn avx2(job: &Job, first: usize, scratch: &mut Scratch) {
+            block::<Avx2>(job, first, scratch);
         }
         match set {
             // SAFETY: `run` has checked that the machine has the instruction set.
-            InstructionSet::Avx512 => return unsafe { avx512(job, first, means, results) },
-            InstructionSet::Avx2 => return unsafe { avx2(job, first, means, results) },
+            InstructionSet::Avx512 => return unsafe { avx512(job, first, scratch) },
+            InstructionSet::Avx2 => return unsafe { avx2(job, first, scratch) },
             InstructionSet::Baseline => {}
         }
     }
-    block::<Plain>(job, first, means, results);
+    block::<Plain>(job, first, scratch);
 }
 
 /// One block: ring means, cosine integrals, and the products with the weights.
 #[inline(always)]
-fn block<L: Lanes>(job: &Job, first: usize, means: &mut [Array], results: &mut [Array]) {
+fn block<L: Lanes>(job: &Job, first: usize, scratch: &mut Scratch) {
+    let Scratch {
+        means,
+        lights,
+        results,
+    } = scratch;
     let pairs = &job.pairs;
     let last = (first + LANES).min(pairs.normal.len());
     let frames = Frames::new(&pairs.normal[first..last], &pairs.to_viewer[first..last]);
@@ -195,6 +205,7 @@ fn block<L: Lanes>(job: &Job, first: usize, means: &mut [Array], results: &mut [
         masked: row.iter().any(|&r| r >= 0),
     };
     ring_means::<L>(job.basis, job.pyramid, &frames, &sky, means);
+    light_means::<L>(job.basis, job.pyramid, &frames, &sky, lights, means);
     diffuse_means::<L>(job, first, last, &frames, &sky, means);
     match job.reduction {
         Reduction::Kernels => fold_kernels::<L>(job.basis, means, results),
