@@ -34,7 +34,7 @@ def record(basis: GenericBasis) -> BasisRecord:
         tuple(basis.sigmas.tolist()),
         basis.maskings,
         basis.diffuse,
-        {name: tuple(sigmas.tolist()) for name, sigmas in basis.sigmas_of.items()},
+        basis.fresnel,
     )
 
 

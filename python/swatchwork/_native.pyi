@@ -23,6 +23,7 @@ class RingBasis:
         layer: npt.NDArray[np.uint32],
         light_bins: tuple[float, float, int],
         maskings: list[str],
+        fresnel: list[int],
         plane: npt.NDArray[np.uint32],
         weights: npt.NDArray[np.float32],
         diffuse: npt.NDArray[np.float32],

@@ -10,7 +10,7 @@ use numpy::{
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use swatchwork_core::response::{
-    Basis, Folded, InstructionSet, LightBins, Masking, Pairs, Pyramid, PyramidError, Ring,
+    Basis, Folded, InstructionSet, LightBins, Masking, Pairs, Pyramid, PyramidError, Ring, SHAPES,
     SpecularRow, generic_responses, representative_responses,
 };
 
@@ -170,6 +170,7 @@ impl RingBasis {
         layer: PyReadonlyArray1<'_, u32>,
         light_bins: (f32, f32, usize),
         maskings: Vec<String>,
+        fresnel: Vec<u32>,
         plane: PyReadonlyArray1<'_, u32>,
         weights: PyReadonlyArray2<'_, f32>,
         diffuse: PyReadonlyArray2<'_, f32>,
@@ -200,10 +201,14 @@ impl RingBasis {
                 ),
             ));
         }
-        if diffuse.shape()[1] != 4 {
+        if diffuse.shape()[1] != SHAPES * SHAPES {
             return Err(bad(
                 "diffuse",
-                format!("shape {:?}; expected [D, 4]", diffuse.shape()),
+                format!(
+                    "shape {:?}; expected [D, {}]",
+                    diffuse.shape(),
+                    SHAPES * SHAPES
+                ),
             ));
         }
         let rings = (0..tangent.len()).map(|r| Ring {
@@ -217,7 +222,10 @@ impl RingBasis {
             plane: plane as usize,
             weights: row.to_vec(),
         });
-        let diffuse = contiguous("diffuse", &diffuse)?.as_chunks::<4>().0.to_vec();
+        let diffuse = contiguous("diffuse", &diffuse)?
+            .as_chunks::<{ SHAPES * SHAPES }>()
+            .0
+            .to_vec();
         let maskings = maskings
             .iter()
             .map(|name| masking(name))
@@ -231,6 +239,7 @@ impl RingBasis {
             rings.collect(),
             light_bins,
             maskings,
+            fresnel,
             specular.collect(),
             diffuse,
         )

@@ -33,14 +33,20 @@ macro_rules! slice {
 fn finite(values: &[f64], name: &str) -> PyResult<()> {
     match values.iter().position(|v| !v.is_finite()) {
         None => Ok(()),
-        Some(at) => Err(invalid(format!("{name}: value {} at flat index {at}; expected finite values", values[at]))),
+        Some(at) => Err(invalid(format!(
+            "{name}: value {} at flat index {at}; expected finite values",
+            values[at]
+        ))),
     }
 }
 
 fn finite32(values: &[f32], name: &str) -> PyResult<()> {
     match values.iter().position(|v| !v.is_finite()) {
         None => Ok(()),
-        Some(at) => Err(invalid(format!("{name}: value {} at flat index {at}; expected finite values", values[at]))),
+        Some(at) => Err(invalid(format!(
+            "{name}: value {} at flat index {at}; expected finite values",
+            values[at]
+        ))),
     }
 }
 
@@ -55,7 +61,10 @@ fn checked_offsets(offsets: &[i64], pairs: usize) -> PyResult<Vec<usize>> {
     Ok(offsets.iter().map(|&o| o as usize).collect())
 }
 
-fn checked_weights<'a>(weights: &'a PyReadonlyArray2<f64>, texels: usize) -> PyResult<(&'a [f64], usize)> {
+fn checked_weights<'a>(
+    weights: &'a PyReadonlyArray2<f64>,
+    texels: usize,
+) -> PyResult<(&'a [f64], usize)> {
     let (rows, columns) = (weights.shape()[0], weights.shape()[1]);
     if rows != texels || columns == 0 || columns > MOST {
         return Err(invalid(format!(
@@ -101,7 +110,10 @@ impl SolverProblem {
                 offsets.len() - 1
             )));
         }
-        let (responses, radiance) = (slice!(responses, "responses")?, slice!(radiance, "radiance")?);
+        let (responses, radiance) = (
+            slice!(responses, "responses")?,
+            slice!(radiance, "radiance")?,
+        );
         finite32(responses, "responses")?;
         finite32(radiance, "radiance")?;
         let inner = py.detach(|| Problem::new(responses, radiance, offsets, kernels, floor));
@@ -135,10 +147,13 @@ impl SolverProblem {
     ) -> PyResult<(Bound<'py, PyArray3<f64>>, f64, bool)> {
         let (values, n) = checked_weights(&weights, self.inner.texels())?;
         if self.check_representatives(&start)? != n {
-            return Err(invalid(format!("start: expected {n} representatives, as many as weights")));
+            return Err(invalid(format!(
+                "start: expected {n} representatives, as many as weights"
+            )));
         }
         let start = slice!(start, "start")?;
-        let (out, value, status) = py.detach(|| representatives::optimise(&self.inner, values, n, start));
+        let (out, value, status) =
+            py.detach(|| representatives::optimise(&self.inner, values, n, start));
         let out = array3(out, [n, self.inner.kernels, 3]).into_pyarray(py);
         Ok((out, value, status == Status::Converged))
     }
@@ -158,9 +173,15 @@ impl SolverProblem {
         let mut all = py.detach(|| representatives::normal_equations(&self.inner, values, n));
         let e = std::mem::replace(
             &mut all[channel],
-            representatives::NormalEquations { h: vec![], b: vec![], c: 0.0 },
+            representatives::NormalEquations {
+                h: vec![],
+                b: vec![],
+                c: 0.0,
+            },
         );
-        let h = Array2::from_shape_vec((size, size), e.h).expect("size x size").into_pyarray(py);
+        let h = Array2::from_shape_vec((size, size), e.h)
+            .expect("size x size")
+            .into_pyarray(py);
         Ok((h, e.b.into_pyarray(py), e.c))
     }
 }
@@ -213,19 +234,39 @@ fn blend<'py>(
     let search = match search {
         "exact" => Search::Exact,
         "brute" => Search::Brute,
-        "pruned" => Search::Pruned { sample, cover, seed },
-        other => return Err(invalid(format!("search: '{other}'; expected exact, brute or pruned"))),
+        "pruned" => Search::Pruned {
+            sample,
+            cover,
+            seed,
+        },
+        other => {
+            return Err(invalid(format!(
+                "search: '{other}'; expected exact, brute or pruned"
+            )));
+        }
     };
     let previous = match &previous {
         None => &[][..],
         Some(p) if p.shape() == [texels, n] => slice!(p, "previous")?,
-        Some(p) => return Err(invalid(format!("previous: shape {:?}; expected [{texels}, {n}]", p.shape()))),
+        Some(p) => {
+            return Err(invalid(format!(
+                "previous: shape {:?}; expected [{texels}, {n}]",
+                p.shape()
+            )));
+        }
     };
-    let (responses, radiance) = (slice!(responses, "responses")?, slice!(radiance, "radiance")?);
+    let (responses, radiance) = (
+        slice!(responses, "responses")?,
+        slice!(radiance, "radiance")?,
+    );
     finite32(responses, "responses")?;
     finite32(radiance, "radiance")?;
     // The pruned search samples all texels at once; the others go in strides, so that Ctrl-C gets through.
-    let stride = if matches!(search, Search::Pruned { .. }) { texels.max(1) } else { STRIDE };
+    let stride = if matches!(search, Search::Pruned { .. }) {
+        texels.max(1)
+    } else {
+        STRIDE
+    };
     let mut weights = Vec::with_capacity(texels * n);
     let mut error = Vec::with_capacity(texels);
     let mut visited = 0;
@@ -247,7 +288,11 @@ fn blend<'py>(
         py.check_signals()?;
     }
     let weights = Array2::from_shape_vec((texels, n), weights).expect("texels x n");
-    Ok((weights.into_pyarray(py), Array1::from_vec(error).into_pyarray(py), visited))
+    Ok((
+        weights.into_pyarray(py),
+        Array1::from_vec(error).into_pyarray(py),
+        visited,
+    ))
 }
 
 /// Minimise 1/2 x'Hx - b'x over x >= 0 from `start`: (x, converged).

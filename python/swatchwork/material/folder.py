@@ -68,7 +68,7 @@ def read_material(folder: str | PathLike[str]) -> Material:
             tuple(map(float, head["basis"]["sigmas"])),
             tuple(map(str, head["basis"]["maskings"])),
             tuple(map(str, head["basis"]["diffuse"])),
-            {name: tuple(map(float, sigmas)) for name, sigmas in head["basis"]["sigmas_of"].items()},
+            tuple(map(int, head["basis"]["fresnel"])),
         )
         representatives = np.array(head["representatives"], dtype=np.float64)
         n = int(head["n"])

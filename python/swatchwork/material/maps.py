@@ -11,11 +11,12 @@ They are summaries; the material itself is the blend of representatives.
   over log t with free amplitude. Two lobes have the product 2 a^2 b^2 / (a^2 + b^2)^2, so the best sigma
   maximises sum_j e_j 2 s_j^2 s^2 / (s_j^2 + s^2)^2. Least squares over solid angle instead would pick the
   sharpest lobe however faint; matching second moments, the widest.
-- ``tau``: with weights c0, c1 of the kernels tau = 0 and tau = 1 summed, Eq. 11's tau is c1 / (c0 + c1).
+- ``tau``: with weights c0, c1 of the kernels of Fresnel exponent above 0 and 0 summed (tau = 0 and 1 in
+  Eq. 11), it is c1 / (c0 + c1): reflectance at normal incidence over that at grazing.
 - ``confidence``: views / (views + 2) / (1 + (residual / 0.1)^2): 0 where no view saw the texel, 0.5 at
   two views that fit perfectly. A hint for eyes, no probability.
 
-Energies e_j are luminances c1 + c0 / 21: 1/21 is the cosine-weighted mean of (1 - cos)^5. Roughness and
+Energies e_j are luminances times the cosine-weighted mean of (1 - cos)^p, 2 / ((p + 1) (p + 2)). Roughness and
 tau are 0 where nothing is specular, the residual where nothing was measured; off the atlas all maps are
 0 and coverage is -1.
 """
@@ -31,7 +32,6 @@ from ..errors import InputError
 from .material import BasisRecord, Material
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
-MEAN_GRAZING = 1 / 21
 CHUNK = 65536
 
 
@@ -56,7 +56,8 @@ def material_maps(material: Material) -> MaterialMaps:
     diffuse = np.einsum("j,njc->nc", albedo[first:], m.representatives[:, first:])
     specular = np.einsum("j,njc->nc", albedo[:first], m.representatives[:, :first])
     luminance = m.representatives[:, :first] @ LUMINANCE
-    full = np.array([tau for _, tau, _ in lobes]) == 1
+    power = np.array([power for _, power, _ in lobes])
+    full = power == 0
     c0, c1 = np.where(full, 0, luminance), np.where(full, luminance, 0)
 
     atlas = m.on_atlas
@@ -65,7 +66,7 @@ def material_maps(material: Material) -> MaterialMaps:
     total = at_normal + blended(c0.sum(axis=-1), index, weight)
     tau = np.where(total > 0, at_normal / np.where(total > 0, total, 1), 0)
     roughness = _fitted_roughness(
-        c1 + MEAN_GRAZING * c0, np.array([sigma for *_, sigma in lobes]), index, weight
+        luminance * 2 / ((power + 1) * (power + 2)), np.array([sigma for *_, sigma in lobes]), index, weight
     )
 
     def image(values: F64) -> F32:
@@ -126,10 +127,10 @@ def normal_albedo(basis: BasisRecord) -> F64:
     # Midpoints of equal shares of the lobe: t^2 / sigma^2 is exponentially distributed.
     share = -np.log((np.arange(4096) + 0.5) / 4096)
     found = []
-    for masking, tau, sigma in basis.lobes:
+    for masking, power, sigma in basis.lobes:
         cos2 = 1 / (1 + share * sigma**2)
         g = np.where(cos2 > 0.5, _masking(masking, np.maximum(2 * cos2 - 1, 1e-9)), 0)
-        found.append((g if tau else g * (1 - np.sqrt(cos2)) ** 5).mean())
+        found.append((g * (1 - np.sqrt(cos2)) ** power).mean())
     return np.array(found + [_diffuse_albedo(name) for name in basis.diffuse])
 
 
@@ -145,16 +146,14 @@ def _masking(name: str, cos_i: F64) -> F64:
 
 
 def _diffuse_albedo(name: str) -> float:
-    """For o = n the view-dependent factor f_o = (1 - o.n)^5 is 0; f_i has the mean 1/21."""
+    """For o = n: the cosine-weighted mean of a(n.i), which is 2 int c a(c) dc, times b(1)."""
     known = {
         "lambert": 1.0,
-        "lambert_1mf": 1.0,
-        "lambert_f": 0.0,
-        "grazing_1mf": MEAN_GRAZING,
-        "grazing_f": 0.0,
-        "matte_1mf": 1 - MEAN_GRAZING,
-        "matte_f": 0.0,
+        "half": 23 / 28 * 31 / 32,
+        "grazing5": 1 / 21,
+        "grazing10": 1 / 66,
+        "shade": 1 - np.log(2),
     }
     if name not in known:
         raise InputError(f"diffuse kernel {name!r}", expected=f"one of {', '.join(known)}")
-    return known[name]
+    return float(known[name])

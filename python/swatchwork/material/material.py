@@ -22,24 +22,24 @@ WEIGHT_SUM_TOLERANCE = 1e-4
 class BasisRecord:
     """The generic basis as plain values, with the names and meaning of `reflectance.GenericBasis`.
 
-    Along J: for each masking, for tau in (0, 1), for each of its sigmas; then the diffuse kernels.
+    Along J: for each masking, for each Fresnel exponent, for each sigma; then the diffuse kernels.
     """
 
     name: str
     sigmas: tuple[float, ...]
     maskings: tuple[str, ...]
     diffuse: tuple[str, ...]
-    sigmas_of: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
-    """Roughnesses of single maskings that differ from `sigmas`."""
+    fresnel: tuple[int, ...] = (5, 0)
+    """Exponents of the Fresnel terms (1 - o.h)^p."""
 
     @property
     def lobes(self) -> list[tuple[str, int, float]]:
-        """Masking, tau and sigma of each specular kernel."""
+        """Masking, Fresnel exponent and sigma of each specular kernel."""
         return [
-            (masking, tau, sigma)
+            (masking, power, sigma)
             for masking in self.maskings
-            for tau in (0, 1)
-            for sigma in self.sigmas_of.get(masking, self.sigmas)
+            for power in self.fresnel
+            for sigma in self.sigmas
         ]
 
     @property

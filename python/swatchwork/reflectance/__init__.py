@@ -13,6 +13,7 @@ from swatchwork.reflectance.basis import (
     paper,
 )
 from swatchwork.reflectance.microfacets import (
+    DIFFUSE_SHAPES,
     beckmann,
     diffuse_value,
     masking_value,
@@ -22,6 +23,7 @@ from swatchwork.reflectance.microfacets import (
 
 __all__ = [
     "DIFFUSE_KERNELS",
+    "DIFFUSE_SHAPES",
     "GenericBasis",
     "Lobe",
     "basis_by_name",

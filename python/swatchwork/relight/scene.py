@@ -66,7 +66,7 @@ class RelitScene:
                 np.array(record.sigmas),
                 record.maskings,
                 record.diffuse,
-                {name: np.array(sigmas) for name, sigmas in record.sigmas_of.items()},
+                record.fresnel,
             ),
             representatives=material.representatives,
             texel_of_pixel=padded(atlas),

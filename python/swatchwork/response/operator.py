@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from swatchwork._native import Pyramid, RingBasis, instruction_sets
 from swatchwork.arrays import F32, F64, I32, U64, Float
-from swatchwork.reflectance import DIFFUSE_KERNELS, GenericBasis
+from swatchwork.reflectance import DIFFUSE_KERNELS, DIFFUSE_SHAPES, GenericBasis
 from swatchwork.response.rings import DEFAULT_QUADRATURE, Quadrature
 
 __all__ = ["compiled", "generic_responses", "instruction_sets", "representative_responses"]
@@ -20,9 +20,16 @@ __all__ = ["compiled", "generic_responses", "instruction_sets", "representative_
 @lru_cache(maxsize=16)
 def compiled(basis: GenericBasis, quadrature: Quadrature = DEFAULT_QUADRATURE) -> RingBasis:
     """``basis`` as rows over ring means, for the Rust core; kept for each pair of objects."""
-    plane = [2 * basis.maskings.index(lobe.masking) + lobe.tau for lobe in basis.lobes]
+    terms = len(basis.fresnel)
+    plane = [
+        terms * basis.maskings.index(lobe.masking) + basis.fresnel.index(lobe.power) for lobe in basis.lobes
+    ]
     weights = [quadrature.weights(lobe.sigma) for lobe in basis.lobes]
-    diffuse = [DIFFUSE_KERNELS[name] for name in basis.diffuse]
+    shapes = list(DIFFUSE_SHAPES)
+    diffuse = np.zeros((len(basis.diffuse), len(shapes), len(shapes)), np.float32)
+    for row, name in zip(diffuse, basis.diffuse, strict=True):
+        for of_light, of_viewer in DIFFUSE_KERNELS[name]:
+            row[shapes.index(of_light), shapes.index(of_viewer)] += 1.0
     bins = quadrature.bins
     return RingBasis(
         quadrature.tangents.astype(np.float32),
@@ -31,9 +38,10 @@ def compiled(basis: GenericBasis, quadrature: Quadrature = DEFAULT_QUADRATURE) -
         quadrature.layer.astype(np.uint32),
         (float(bins[0]), float(bins[1] / bins[0]), bins.size),
         list(basis.maskings),
+        list(basis.fresnel),
         np.array(plane, np.uint32),
         np.array(weights, np.float32).reshape(len(plane), quadrature.azimuths.size + 2 * bins.size),
-        np.array(diffuse, np.float32).reshape(-1, 4),
+        diffuse.reshape(len(diffuse), -1),
     )
 
 

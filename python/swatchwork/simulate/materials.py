@@ -67,12 +67,12 @@ def four_materials(seed: int = 0) -> tuple[Recipe, ...]:
 def in_basis(recipes: tuple[Recipe, ...], basis: GenericBasis) -> F64:
     """Beckmann materials as weights [N, J, 3], each roughness moved to the nearest sigma of the basis."""
     found = np.zeros((len(recipes), basis.kernels, 3))
-    sigmas = basis.sigmas_for(basis.maskings[0])
+    sigmas = basis.sigmas
     for i, recipe in enumerate(recipes):
         _add_diffuse(found[i], recipe, basis)
         for lobe in recipe.lobes:
             s = int(np.argmin(np.abs(np.log(sigmas / lobe.roughness))))
-            _add_lobe(found[i], lobe, np.eye(len(sigmas))[s])
+            _add_lobe(found[i], lobe, np.eye(len(sigmas))[s], basis)
     return found
 
 
@@ -89,7 +89,7 @@ def in_ggx(recipes: tuple[Recipe, ...]) -> F64:
     for i, recipe in enumerate(recipes):
         _add_diffuse(found[i], recipe, basis)
         for lobe in recipe.lobes:
-            _add_lobe(found[i], lobe, ggx_mixture(lobe.roughness, basis.sigmas))
+            _add_lobe(found[i], lobe, ggx_mixture(lobe.roughness, basis.sigmas), basis)
     return found
 
 
@@ -104,18 +104,12 @@ def ggx_mixture(alpha: float, sigmas: F64) -> F64:
 
 
 def _add_diffuse(weights: F64, recipe: Recipe, basis: GenericBasis) -> None:
-    first = len(basis.lobes)
-    if "lambert" in basis.diffuse:
-        weights[first + basis.diffuse.index("lambert")] += recipe.diffuse
-    else:
-        # The two halves f and 1 - f of a split Lambertian kernel add up to it.
-        for name in ("lambert_1mf", "lambert_f"):
-            weights[first + basis.diffuse.index(name)] += recipe.diffuse
+    weights[len(basis.lobes) + basis.diffuse.index("lambert")] += recipe.diffuse
 
 
-def _add_lobe(weights: F64, lobe: Lobe, mixture: F64) -> None:
+def _add_lobe(weights: F64, lobe: Lobe, mixture: F64, basis: GenericBasis) -> None:
     """Add to the kernels of the basis's first masking, of which ``mixture`` has one entry a sigma."""
-    count = len(mixture)
-    colour = np.asarray(lobe.colour)
-    weights[:count] += mixture[:, None] * colour * (1 - lobe.tau)
-    weights[count : 2 * count] += mixture[:, None] * colour * lobe.tau
+    # Exponent 5 is tau = 0 in Eq. 11, exponent 0 is tau = 1.
+    for power, share in ((5, 1 - lobe.tau), (0, lobe.tau)):
+        first = basis.fresnel.index(power) * len(mixture)
+        weights[first : first + len(mixture)] += mixture[:, None] * np.asarray(lobe.colour) * share

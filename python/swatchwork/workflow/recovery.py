@@ -168,13 +168,12 @@ def material_of(found: Reconstruction, capture: Capture) -> Material:
     views = np.diff(found.observations.offsets).astype(np.int32)
     on_atlas = atlas.texel_at >= 0
     residual = np.nan_to_num(found.residual)
-    sigmas_of = {m: tuple(map(float, basis.sigmas_for(m))) for m in basis.maskings}
     record = BasisRecord(
         basis.name,
         tuple(map(float, basis.sigmas)),
         basis.maskings,
         basis.diffuse,
-        {m: sigmas for m, sigmas in sigmas_of.items() if sigmas != tuple(map(float, basis.sigmas))},
+        basis.fresnel,
     )
     return Material(
         basis=record,

@@ -71,19 +71,25 @@ pub enum Masking {
 /// Most masking terms of a basis.
 pub const MOST_MASKINGS: usize = 4;
 
+/// Most Fresnel terms (1 - o.h)^p of a basis.
+pub const MOST_POWERS: usize = 4;
+
 /// One specular kernel: weights over the ring means of one plane.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SpecularRow {
-    /// Masking times 2, plus 1 for tau = 1 (Eq. 11).
+    /// Masking times the number of Fresnel terms, plus the Fresnel term.
     pub plane: usize,
     /// Probability that the kernel's half-vector falls on each ring, then D of Eq. 9 at the light bins
     /// for the lights that layer 1 leaves out, then for those that only layer 2 does.
     pub weights: Vec<f32>,
 }
 
-/// One diffuse kernel: coefficients of E0, E0 f, E1 and E1 f, with f = (1 - o.n)^5,
-/// E0 = integral of V L n.i / pi, and E1 the same times (1 - n.i)^5.
-pub type DiffuseRow = [f32; 4];
+/// Functions of one cosine that diffuse kernels are products of (`diffuse::shapes`).
+pub const SHAPES: usize = 5;
+
+/// One diffuse kernel: pi times its BRDF is the sum of coefficient [a][b] times shape a of n.i times
+/// shape b of n.o.
+pub type DiffuseRow = [f32; SHAPES * SHAPES];
 
 /// A set of generic kernels, specular ones first.
 #[derive(Debug, Clone, PartialEq)]
@@ -93,6 +99,8 @@ pub struct Basis {
     pub(super) tangential: Vec<[f32; 2]>,
     pub(super) light_bins: LightBins,
     pub(super) maskings: Vec<Masking>,
+    /// Exponents p of the Fresnel terms (1 - o.h)^p.
+    pub(super) fresnel: Vec<u32>,
     pub(super) specular: Vec<SpecularRow>,
     /// Where each specular row is not 0, as ranges of its weights.
     pub(super) runs: Vec<Vec<Range<usize>>>,
@@ -132,6 +140,7 @@ impl Basis {
         rings: Vec<Ring>,
         light_bins: LightBins,
         maskings: Vec<Masking>,
+        fresnel: Vec<u32>,
         specular: Vec<SpecularRow>,
         diffuse: Vec<DiffuseRow>,
     ) -> Result<Self, BasisError> {
@@ -169,12 +178,18 @@ impl Basis {
                 maskings.len()
             )));
         }
+        if fresnel.is_empty() || fresnel.len() > MOST_POWERS {
+            return Err(BasisError(format!(
+                "{} Fresnel terms; expected 1 to {MOST_POWERS}",
+                fresnel.len()
+            )));
+        }
+        let planes = fresnel.len() * maskings.len();
         for (j, row) in specular.iter().enumerate() {
-            if row.plane >= 2 * maskings.len() {
+            if row.plane >= planes {
                 return Err(BasisError(format!(
-                    "kernel {j} uses plane {} of {}",
-                    row.plane,
-                    2 * maskings.len()
+                    "kernel {j} uses plane {} of {planes}",
+                    row.plane
                 )));
             }
             if row.weights.len() != entries || row.weights.iter().any(|w| !w.is_finite()) {
@@ -196,6 +211,7 @@ impl Basis {
             rings,
             light_bins,
             maskings,
+            fresnel,
             specular,
             diffuse,
         })
@@ -216,9 +232,15 @@ impl Basis {
         self.rings.len() + (LAYERS - 1) * self.light_bins.count
     }
 
-    /// Length of the vector of means a pair and channel is reduced to: planes by rings and light bins, then E0, E0 f, E1, E1 f.
+    /// Planes of means: masking by Fresnel term.
+    pub(super) fn planes(&self) -> usize {
+        self.maskings.len() * self.fresnel.len()
+    }
+
+    /// Length of the vector of means a pair and channel is reduced to: planes by rings and light bins, then
+    /// the cosine integrals by shape of n.i and shape of n.o.
     pub(super) fn means(&self) -> usize {
-        2 * self.maskings.len() * self.entries() + 4
+        self.planes() * self.entries() + SHAPES * SHAPES
     }
 
     /// Index of a plane's first ring in the vector of means.

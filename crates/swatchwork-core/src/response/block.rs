@@ -3,7 +3,7 @@
 
 //! Ring means of one block of pairs: sixteen pairs walk the same half-vectors, a pair a lane.
 
-use super::basis::{Basis, MOST_MASKINGS, Masking};
+use super::basis::{Basis, MOST_MASKINGS, MOST_POWERS, Masking};
 use super::lanes::{Array, LANES, Lanes, Sky, each};
 use super::mipmap::Mipmap;
 use super::pyramid::Pyramid;
@@ -92,7 +92,7 @@ fn any_tangent(n: [f32; 3]) -> [f32; 3] {
     t.map(|v| v / length)
 }
 
-/// Fills the specular part of `means` ([means, 3] lanes) of a block: for every masking, tau and
+/// Fills the specular part of `means` ([means, 3] lanes) of a block: for every masking, Fresnel term and
 /// ring the mean over azimuth of G F (o.h) / ((o.n)(n.h)) V L(i).
 #[inline(always)]
 pub fn ring_means<L: Lanes>(
@@ -103,17 +103,16 @@ pub fn ring_means<L: Lanes>(
     means: &mut [Array],
 ) {
     // Sums stay in registers where their number is known.
-    match basis.maskings.len() {
-        0 => {}
-        1 => ring_sums::<L, 1>(basis, pyramid, frames, sky, means),
-        2 => ring_sums::<L, 2>(basis, pyramid, frames, sky, means),
-        3 => ring_sums::<L, 3>(basis, pyramid, frames, sky, means),
-        _ => ring_sums::<L, MOST_MASKINGS>(basis, pyramid, frames, sky, means),
+    match (basis.maskings.len(), basis.fresnel.len()) {
+        (0, _) => {}
+        (1, 2) => ring_sums::<L, 1, 2>(basis, pyramid, frames, sky, means),
+        (2, 3) => ring_sums::<L, 2, 3>(basis, pyramid, frames, sky, means),
+        _ => ring_sums::<L, MOST_MASKINGS, MOST_POWERS>(basis, pyramid, frames, sky, means),
     }
 }
 
 #[inline(always)]
-fn ring_sums<L: Lanes, const G: usize>(
+fn ring_sums<L: Lanes, const G: usize, const F: usize>(
     basis: &Basis,
     pyramid: &Pyramid,
     frames: &Frames,
@@ -126,9 +125,14 @@ fn ring_sums<L: Lanes, const G: usize>(
     let (ox, oz) = (L::load(&frames.sine), L::load(&frames.cosine));
     let (zero, one, two) = (L::splat(0.0), L::splat(1.0), L::splat(2.0));
     let unit = L::load(&frames.live) / oz;
+    // Where a basis has fewer terms than G and F, the last are repeated and their sums not stored.
     let mut shadows = [Shadow::<L>::VGroove; G];
-    for g in 0..G {
-        shadows[g] = Shadow::new(basis.maskings[g], oz);
+    for (g, shadow) in shadows.iter_mut().enumerate() {
+        *shadow = Shadow::new(basis.maskings[g.min(basis.maskings.len() - 1)], oz);
+    }
+    let mut exponents = [0; F];
+    for (f, exponent) in exponents.iter_mut().enumerate() {
+        *exponent = basis.fresnel[f.min(basis.fresnel.len() - 1)];
     }
     let mut halves = basis.tangential.as_slice();
     for (r, ring) in basis.rings.iter().enumerate() {
@@ -138,7 +142,7 @@ fn ring_sums<L: Lanes, const G: usize>(
         let texels = (mipmap.size() * mipmap.size()) as f32;
         // Texels of the base that a sample's solid angle 4 (o.h) dh covers, made sharper.
         let area = L::splat(ring.solid_angle * texels * (SHARPEN / std::f32::consts::PI));
-        let mut sums = [[[zero; 3]; 2]; G];
+        let mut sums = [[[zero; 3]; F]; G];
         let (own, rest) = halves.split_at(ring.azimuths as usize / 2);
         halves = rest;
         for &[hx, hy] in own {
@@ -159,21 +163,26 @@ fn ring_sums<L: Lanes, const G: usize>(
             let right = radiance::<L>(mipmap, sky, right, oh * area);
             let left = radiance::<L>(mipmap, sky, left, oh * area);
             let both = each!(C => right[C] + left[C]);
-            let f = fifth_power(one - oh);
+            let rise = one - oh;
+            let mut fresnel = [one; F];
+            for f in 0..F {
+                fresnel[f] = power(rise, exponents[f]);
+            }
             for g in 0..G {
                 let (shadow, sums) = (&shadows[g], &mut sums[g]);
                 let shadowed = lit.positive(shadow.times_cosine(in_, oz, oh, hz), zero);
                 for c in 0..3 {
                     let value = both[c] * shadowed;
-                    sums[1][c] = sums[1][c] + value;
-                    sums[0][c] = value.fma(f, sums[0][c]);
+                    for f in 0..F {
+                        sums[f][c] = value.fma(fresnel[f], sums[f][c]);
+                    }
                 }
             }
         }
         let scale = unit * L::splat(L::fetch_unit(mipmap) / (cosine * ring.azimuths as f32));
-        for (g, sums) in sums.iter().enumerate() {
-            for (tau, sums) in sums.iter().enumerate() {
-                let at = 3 * (basis.plane_start(2 * g + tau) + r);
+        for (g, sums) in sums[..G.min(basis.maskings.len())].iter().enumerate() {
+            for (f, sums) in sums[..F.min(basis.fresnel.len())].iter().enumerate() {
+                let at = 3 * (basis.plane_start(basis.fresnel.len() * g + f) + r);
                 for c in 0..3 {
                     means[at + c] = (sums[c] * scale).store();
                 }
@@ -186,11 +195,23 @@ fn ring_sums<L: Lanes, const G: usize>(
 /// (measured best; a level is a factor 4). The level is rounded down, which is half a level more.
 const SHARPEN: f32 = 1.0;
 
-/// (1 - cosine)^5 of Schlick's term.
+/// v^p; the exponents of Schlick's term and of the bases in use take the short way.
 #[inline(always)]
-pub fn fifth_power<L: Lanes>(v: L) -> L {
+pub fn power<L: Lanes>(v: L, p: u32) -> L {
     let square = v * v;
-    square * square * v
+    match p {
+        0 => L::splat(1.0),
+        1 => v,
+        2 => square,
+        5 => square * square * v,
+        _ => {
+            let mut product = square;
+            for _ in 2..p {
+                product = product * v;
+            }
+            product
+        }
+    }
 }
 
 /// A masking term, with what depends on the viewer alone worked out.

@@ -4,16 +4,16 @@
 //! What point lights add to a block of pairs. A light's half-vector is known, so its share of a lobe
 //! is D at that half-vector; it is kept by tan(alpha), so that all roughnesses share the work again.
 
-use super::basis::{Basis, MOST_MASKINGS, log2};
-use super::block::{Frames, Shadow, fifth_power};
+use super::basis::{Basis, MOST_MASKINGS, MOST_POWERS, log2};
+use super::block::{Frames, Shadow, power};
 use super::lanes::{Array, LANES, Lanes, Sky, each};
 use super::lights::Light;
 use super::pyramid::{CELLS, Pyramid};
 
-/// Most planes, masking by tau.
-const PLANES: usize = 2 * MOST_MASKINGS;
+/// Most planes, masking by Fresnel term.
+const PLANES: usize = MOST_POWERS * MOST_MASKINGS;
 
-/// Adds to the light bins of `means`: for every masking, tau and bin the sum over lights of
+/// Adds to the light bins of `means`: for every masking, Fresnel term and bin the sum over lights of
 /// V G F power / (4 o.n), shared linearly between the two bins around log tan(alpha).
 #[inline(always)]
 pub fn light_means<L: Lanes>(
@@ -24,7 +24,7 @@ pub fn light_means<L: Lanes>(
     scratch: &mut Vec<[f32; 4]>,
     means: &mut [Array],
 ) {
-    let (planes, bins) = (2 * basis.maskings.len(), basis.light_bins.count);
+    let (planes, bins) = (basis.planes(), basis.light_bins.count);
     if planes == 0 || bins == 0 {
         return;
     }
@@ -80,13 +80,14 @@ fn deposit<L: Lanes>(
     let lit = in_.positive(L::load(&frames.live), zero);
     let square = (one - hn * hn).max(L::splat(1e-12)) / (hn * hn);
     let reflected = lit / (L::splat(4.0) * oz * oh);
-    let f = fifth_power(one - oh);
-    let planes = 2 * basis.maskings.len();
+    let rise = one - oh;
+    let planes = basis.planes();
     let mut share = [[0.0; LANES]; PLANES];
     for (g, &masking) in basis.maskings.iter().enumerate() {
         let value = Shadow::<L>::new(masking, oz).times_cosine(in_, oz, oh, hn) * reflected;
-        share[2 * g + 1] = value.store();
-        share[2 * g] = (value * f).store();
+        for (f, &exponent) in basis.fresnel.iter().enumerate() {
+            share[basis.fresnel.len() * g + f] = (value * power(rise, exponent)).store();
+        }
     }
     let (lit, mut at) = (lit.store(), square.store());
     for v in &mut at {

@@ -3,7 +3,7 @@
 
 //! From means to results: matrix products with a broadcast weight and a vector of pairs.
 
-use super::basis::Basis;
+use super::basis::{Basis, SHAPES};
 use super::lanes::{Array, LANES, Lanes};
 
 /// Representatives folded through the basis: weights over means, [N, 3, means].
@@ -36,7 +36,7 @@ impl Folded {
                 }
                 for (k, kernel) in basis.diffuse.iter().enumerate() {
                     for (term, coefficient) in kernel.iter().enumerate() {
-                        row[means - 4 + term] +=
+                        row[means - SHAPES * SHAPES + term] +=
                             weight(basis.specular.len() + k) * f64::from(*coefficient);
                     }
                 }
@@ -76,7 +76,7 @@ pub fn fold_kernels<L: Lanes>(basis: &Basis, means: &[Array], results: &mut [Arr
             results[3 * j + c] = sums[c].store();
         }
     }
-    let last = &means[means.len() - 12..];
+    let last = &means[means.len() - 3 * SHAPES * SHAPES..];
     for (row, result) in basis
         .diffuse
         .iter()
@@ -84,7 +84,7 @@ pub fn fold_kernels<L: Lanes>(basis: &Basis, means: &[Array], results: &mut [Arr
     {
         for c in 0..3 {
             let mut sum = L::splat(0.0);
-            for (term, &coefficient) in row.iter().enumerate() {
+            for (term, &coefficient) in row.iter().enumerate().filter(|(_, c)| **c != 0.0) {
                 sum = L::splat(coefficient).fma(L::load(&last[3 * term + c]), sum);
             }
             result[c] = sum.store();

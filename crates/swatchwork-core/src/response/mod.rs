@@ -28,7 +28,7 @@ mod octahedral;
 mod pyramid;
 mod run;
 
-pub use basis::{Basis, BasisError, DiffuseRow, LightBins, Masking, Ring, SpecularRow};
+pub use basis::{Basis, BasisError, DiffuseRow, LightBins, Masking, Ring, SHAPES, SpecularRow};
 pub use fold::Folded;
 pub use octahedral::{direction_from_square, square_from_direction};
 pub use pyramid::{Pyramid, PyramidError};

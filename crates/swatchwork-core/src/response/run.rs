@@ -3,10 +3,10 @@
 
 //! All pairs: blocks of sixteen over all cores, under the best instruction set of the machine.
 
-use super::basis::Basis;
-use super::block::{Frames, fifth_power, ring_means};
+use super::basis::{Basis, SHAPES};
+use super::block::{Frames, ring_means};
 use super::deposit::light_means;
-use super::diffuse::cosine_integrals;
+use super::diffuse::{cosine_integrals, shapes};
 use super::fold::{Folded, fold_kernels, fold_representatives, transpose};
 use super::lanes::{Array, LANES, Lanes, Plain, Sky};
 use super::pyramid::{CELLS, Pyramid};
@@ -213,8 +213,8 @@ fn block<L: Lanes>(job: &Job, first: usize, scratch: &mut Scratch) {
     }
 }
 
-/// Fills the last four means of a block: E0, E0 f, E1, E1 f. Pairs of the same texel follow one
-/// another, so that its integrals are made once.
+/// Fills the last means of a block: the cosine integral of each shape of n.i, times each shape of n.o.
+/// Pairs of the same texel follow one another, so that its integrals are made once.
 #[inline(always)]
 fn diffuse_means<L: Lanes>(
     job: &Job,
@@ -224,32 +224,33 @@ fn diffuse_means<L: Lanes>(
     sky: &Sky,
     means: &mut [Array],
 ) {
-    let mut integrals = [[[0.0; LANES]; 3]; 2];
+    let mut integrals = [[[0.0; LANES]; 3]; SHAPES];
     for k in 0..last - first {
         let normal = job.pairs.normal[first + k];
         let same =
             k > 0 && normal == job.pairs.normal[first + k - 1] && sky.row[k] == sky.row[k - 1];
         let value = if same {
-            [0, 1].map(|e| [0, 1, 2].map(|c| integrals[e][c][k - 1]))
+            integrals.map(|channels| channels.map(|lanes| lanes[k - 1]))
         } else {
             let mask =
                 (sky.row[k] >= 0).then(|| &sky.words[sky.row[k] as usize * CELLS..][..CELLS]);
             cosine_integrals::<L>(job.pyramid, normal, mask)
         };
-        for e in 0..2 {
+        for a in 0..SHAPES {
             for c in 0..3 {
-                integrals[e][c][k] = value[e][c];
+                integrals[a][c][k] = value[a][c];
             }
         }
     }
-    let f = fifth_power(L::splat(1.0) - L::load(&frames.cosine));
+    let viewer = shapes(L::load(&frames.cosine));
     let live = L::load(&frames.live);
-    let start = means.len() - 12;
-    for e in 0..2 {
+    let start = means.len() - 3 * SHAPES * SHAPES;
+    for a in 0..SHAPES {
         for c in 0..3 {
-            let value = L::load(&integrals[e][c]) * live;
-            means[start + 6 * e + c] = value.store();
-            means[start + 6 * e + 3 + c] = (value * f).store();
+            let value = L::load(&integrals[a][c]) * live;
+            for b in 0..SHAPES {
+                means[start + 3 * (SHAPES * a + b) + c] = (value * viewer[b]).store();
+            }
         }
     }
 }

@@ -1,0 +1,214 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""The sparse solver against plain twins, an outside solver, and blends of known truth."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize, nnls
+
+from swatchwork import _native
+from swatchwork.errors import InputError
+from swatchwork.simulate import SyntheticProblem, two_of_four
+from swatchwork.solve import Problem, SolveOptions, alternate, blend, solve
+
+
+def best_by_enumeration(s: np.ndarray, s_hat: np.ndarray, n: int) -> float:
+    """Eq. 12 as it stands: every support of at most n, the sum eliminated, infeasible ones passed over."""
+    N = s.shape[1]
+    best = np.inf
+    for size in range(1, min(n, N) + 1):
+        for support in combinations(range(N), size):
+            chosen = s[:, support]
+            difference = chosen[:, :-1] - chosen[:, -1:]
+            w, *_ = np.linalg.lstsq(difference, s_hat - chosen[:, -1], rcond=None)
+            w = np.append(w, 1 - w.sum())
+            # A rank-deficient support has a feasible point on a smaller one, which is looked at too.
+            if (w >= -1e-12).all():
+                best = min(best, float(((chosen @ w - s_hat) ** 2).sum()))
+    return best
+
+
+def random_texels(rng: np.random.Generator, kind: str, M: int, k: int, N: int) -> tuple:
+    """Responses [P, N, 3], radiance [P, 3] and offsets of texels with k views."""
+    P = M * k
+    responses = rng.uniform(0, 1, (P, N, 3))
+    if kind == "correlated":
+        # As in real runs: representatives are nearly multiples of one another.
+        responses = rng.uniform(0.2, 1, (P, 1, 3)) * (1 + 0.02 * rng.normal(size=(P, N, 3)))
+    if kind == "twins" and N > 1:
+        responses[:, -1] = responses[:, 0]
+    if kind == "zero" and N > 1:
+        responses[:, 0] = 0
+    radiance = rng.uniform(0, 1, (P, 3))
+    if kind == "inside":
+        radiance = np.einsum("pn,pnc->pc", np.repeat(rng.dirichlet(np.ones(N), M), k, axis=0), responses)
+    offsets = np.arange(M + 1, dtype=np.int64) * k
+    return responses.astype(np.float32), radiance.astype(np.float32), offsets
+
+
+@pytest.mark.parametrize("kind", ["random", "correlated", "twins", "zero", "inside"])
+@pytest.mark.parametrize("k", [1, 2, 5])
+def test_blend_finds_the_best_of_all_supports(kind: str, k: int) -> None:
+    rng = np.random.default_rng([7, k])
+    for N, n in [(1, 1), (4, 2), (6, 3), (7, 5)]:
+        responses, radiance, offsets = random_texels(rng, kind, 6, k, N)
+        for search in ("exact", "brute"):
+            found = blend(responses, radiance, offsets, n, search=search)
+            assert np.all(found.weights >= 0)
+            assert np.all((found.weights > 0).sum(axis=1) <= n)
+            np.testing.assert_allclose(found.weights.sum(axis=1), 1, atol=1e-12)
+            for x in range(6):
+                rows = slice(x * k, (x + 1) * k)
+                s = responses[rows].transpose(0, 2, 1).reshape(-1, N).astype(np.float64)
+                s_hat = radiance[rows].reshape(-1).astype(np.float64)
+                twin = best_by_enumeration(s, s_hat, n)
+                # lstsq and Cholesky on nearly dependent columns agree to about half the digits.
+                assert found.squared_error[x] == pytest.approx(twin, rel=1e-6, abs=1e-9)
+
+
+def test_pruned_search_is_feasible_and_no_better_than_the_exact_one() -> None:
+    rng = np.random.default_rng(3)
+    responses, radiance, offsets = random_texels(rng, "random", 200, 4, 8)
+    exact = blend(responses, radiance, offsets, 3)
+    pruned = blend(responses, radiance, offsets, 3, search="pruned", previous=exact.weights)
+    assert np.all(pruned.squared_error >= exact.squared_error - 1e-10)
+    # The previous choice is always tried: the exact weights can only be met, not lost.
+    np.testing.assert_allclose(pruned.squared_error, exact.squared_error, rtol=1e-9)
+    without = blend(responses, radiance, offsets, 3, search="pruned")
+    assert without.squared_error.mean() > exact.squared_error.mean()
+    assert exact.visited < blend(responses, radiance, offsets, 3, search="brute").visited
+
+
+@pytest.fixture(scope="module")
+def small() -> SyntheticProblem:
+    return two_of_four(k=4, seed=1, texels=300)
+
+
+def dense(problem: SyntheticProblem) -> np.ndarray:
+    weights = np.zeros((len(problem.offsets) - 1, 4))
+    np.put_along_axis(weights, problem.truth_index.astype(np.int64), problem.truth_weight, axis=1)
+    return weights
+
+
+def test_normal_equations_are_the_sums_they_stand_for(small: SyntheticProblem) -> None:
+    problem, weights = Problem(small.responses, small.radiance, small.offsets), dense(small)
+    texel = np.repeat(np.arange(problem.texels), np.diff(small.offsets))
+    scale = np.sqrt(problem.gamma)[texel]
+    for c in range(3):
+        rows = np.einsum("p,pn,pj->pnj", scale, weights[texel], small.responses[:, :, c].astype(np.float64))
+        X = rows.reshape(len(texel), -1)
+        s_hat = scale * small.radiance[:, c].astype(np.float64)
+        h, b, energy = problem._native.normal_equations(weights, c)
+        # The same sums in 64 bits, in another order.
+        np.testing.assert_allclose(h, X.T @ X, rtol=1e-10, atol=1e-12 * np.abs(h).max())
+        np.testing.assert_allclose(b, X.T @ s_hat, rtol=1e-10, atol=1e-12 * np.abs(b).max())
+        assert energy == pytest.approx(s_hat @ s_hat, rel=1e-12)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.05])
+def test_representatives_match_an_independent_solver(noise: float) -> None:
+    truth = two_of_four(k=4, seed=2, texels=150, noise_percent=100 * noise)
+    problem, weights = Problem(truth.responses, truth.radiance, truth.offsets), dense(truth)
+    representatives, value = problem.representatives(weights)
+    assert representatives.min() >= 0
+    texel = np.repeat(np.arange(problem.texels), np.diff(truth.offsets))
+    scale = np.sqrt(problem.gamma)[texel]
+    total = 0.0
+    for c in range(3):
+        X = np.einsum("p,pn,pj->pnj", scale, weights[texel], truth.responses[:, :, c].astype(np.float64))
+        X, s_hat = X.reshape(len(texel), -1), scale * truth.radiance[:, c].astype(np.float64)
+        # scipy's Lawson-Hanson works on the rows, not on the Gram matrix.
+        total += nnls(X, s_hat, maxiter=100_000)[1] ** 2
+    # The issue's 1e-6 relative; the floor is what rounding of s_hat to 32 bits leaves.
+    assert value == pytest.approx(total / problem.texels, rel=1e-6, abs=1e-13)
+
+
+def test_nnls_matches_a_general_optimiser() -> None:
+    rng = np.random.default_rng(11)
+    for _ in range(5):
+        X, s = rng.normal(size=(30, 8)), rng.normal(size=30)
+        h, b = X.T @ X, X.T @ s
+        x, converged = _native.nnls(h, b, np.zeros(8), 1e-12)
+        other = minimize(
+            lambda v, h=h, b=b: 0.5 * v @ h @ v - b @ v,
+            np.ones(8),
+            jac=lambda v, h=h, b=b: h @ v - b,
+            bounds=[(0, None)] * 8,
+            options={"ftol": 1e-15, "gtol": 1e-10},
+        )
+        assert converged
+        assert 0.5 * x @ h @ x - b @ x <= other.fun + 1e-9
+
+
+def test_alternation_never_raises_the_data_term(small: SyntheticProblem) -> None:
+    problem = Problem(small.responses, small.radiance, small.offsets)
+    rng = np.random.default_rng(5)
+    weights = rng.dirichlet(np.ones(3), problem.texels)
+    last = np.inf
+    for _ in range(12):
+        step = alternate(problem, 2, weights=weights, most=1)
+        assert step.data <= last * (1 + 1e-9)
+        weights, last = step.weights, step.data
+
+
+def test_finds_two_of_four_from_nothing() -> None:
+    truth = two_of_four(k=6, seed=0, texels=1000)
+    solution = solve(Problem(truth.responses, truth.radiance, truth.offsets))
+    assert (solution.n, solution.N) == (2, 4)
+    assert solution.status == "converged"
+    index = np.argsort(-solution.weights, axis=1)[:, :2].astype(np.uint32)
+    weight = np.take_along_axis(solution.weights, index.astype(np.int64), axis=1)
+    # The issue's bound; runs end near 1e-6.
+    assert truth.novel(solution.representatives, index, weight) < 1e-3
+    assert {(step.n, step.N) for step in solution.history} >= {(1, 1), (2, 4), (2, 5)}
+
+
+def test_papers_order_follows_section_4() -> None:
+    truth = two_of_four(k=6, seed=0, texels=400)
+    options = SolveOptions(search_order="paper", lambda0=0.005**2, lambda1=0.002**2, max_n=2, max_N=5)
+    solution = solve(Problem(truth.responses, truth.radiance, truth.offsets), options)
+    visited = [(step.n, step.N) for step in solution.history]
+    assert visited[0] == (1, 1)
+    # N restarts at 1 for every n and rises by one.
+    for (n0, N0), (n1, N1) in zip(visited, visited[1:], strict=False):
+        assert (n1, N1) == (n0, N0 + 1) or (n1, N1) == (n0 + 1, 1)
+    assert (solution.lambda0, solution.lambda1) == (0.005**2, 0.002**2)
+
+
+def test_fixed_numbers_are_kept() -> None:
+    truth = two_of_four(k=4, seed=3, texels=300)
+    problem = Problem(truth.responses, truth.radiance, truth.offsets)
+    solution = solve(problem, SolveOptions(n=2, N=3))
+    assert (solution.n, solution.N) == (2, 3)
+    assert solution.weights.shape == (problem.texels, 3)
+    assert (solution.weights > 0).sum(axis=1).max() <= 2
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"n": 0}, "n = 0"),
+        ({"n": 3, "N": 2}, "n = 3 is more than N = 2"),
+        ({"N": 65}, "at most 64"),
+        ({"lambda0": -1.0}, "lambda0 = -1.0"),
+        ({"lambda1": float("nan")}, "lambda1 = nan"),
+    ],
+)
+def test_options_that_make_no_sense_are_refused(options: dict, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        SolveOptions(**options)
+
+
+def test_problems_that_say_nothing_are_refused() -> None:
+    responses = np.ones((4, 5, 3), np.float32)
+    with pytest.raises(InputError, match="1 of 3 texels are seen by no view"):
+        Problem(responses, np.ones((4, 3), np.float32), np.array([0, 2, 2, 4]))
+    with pytest.raises(InputError, match="black"):
+        Problem(responses, np.zeros((4, 3), np.float32), np.array([0, 2, 4]))
+    responses[1, 2, 0] = np.nan
+    with pytest.raises(ValueError, match="responses: value NaN"):
+        Problem(responses, np.ones((4, 3), np.float32), np.array([0, 2, 4]))
