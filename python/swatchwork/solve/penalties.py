@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: MIT
 """Penalties on n and N (Eq. 4): fixed, or automatic from what the model leaves (design section 3).
 
-A further freedom at a texel with K measurements fits noise of relative variance v by about v / K of the
-data term, so a sparser model is to be preferred until a freedom gains a small multiple of that. What
-counts as noise is all that the model cannot say: sensor noise, and the basis' own misfit.
+A further weight at a texel with K measurements fits noise of relative variance v by about v / K of the
+data term, so the sparser model is to be preferred until a weight gains a small multiple of that, and a
+representative a share of v. What counts as noise is all that the model cannot say: sensor noise, and the
+basis' own misfit.
 """
 
 from __future__ import annotations
@@ -19,9 +20,15 @@ from ..arrays import F64
 LEAST_LEFT = 0.1
 """Share of the measurements that a model's freedoms must leave for its residual to be an estimate."""
 
-GAIN = 3.0
-"""A freedom has to gain this many times what it would from noise alone. By measurement on two-of-four
-blends: below 2, misfit of GGX lobes buys a fifth representative; the true fourth gains over 50 times."""
+GAIN = 5.0
+"""A further weight at every texel has to gain this many times what it would from noise alone. By
+measurement: misfit, unlike noise, is alike from view to view, and a blend of more representatives can
+soak it up; below 4.5 it does so on a sphere of measured materials, k = 12, and novel-light NRMS rises from
+6.2 to 8.0 %."""
+
+SHARE = 0.5
+"""A further representative has to take this share of the noise variance off the data term: the same
+measurement asks for 0.36; two-of-four blends with 3 % noise gain over 2 for a true one, 0.04 for a false."""
 
 LAMBDA0_FLOOR = 0.005**2
 LAMBDA1_FLOOR = 0.002**2
@@ -63,16 +70,17 @@ class Penalties:
     def lambda0(self) -> float:
         if self.fixed0 is not None:
             return self.fixed0
-        return max(LAMBDA0_FLOOR, self._automatic())
+        return max(LAMBDA0_FLOOR, GAIN * self._known * self.freedom)
 
     @property
     def lambda1(self) -> float:
         if self.fixed1 is not None:
             return self.fixed1
-        return max(LAMBDA1_FLOOR, self._automatic())
+        return max(LAMBDA1_FLOOR, SHARE * self._known)
 
-    def _automatic(self) -> float:
-        return GAIN * self.variance * self.freedom if np.isfinite(self.variance) else 0.0
+    @property
+    def _known(self) -> float:
+        return self.variance if np.isfinite(self.variance) else 0.0
 
     def objective(self, data: float, n: int, N: int) -> float:
         """Eq. 5."""

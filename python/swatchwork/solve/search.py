@@ -13,6 +13,8 @@ once a good model is.
 
 from __future__ import annotations
 
+from math import ceil
+
 from ..progress import SILENT, Progress
 from . import moves
 from .alternation import PERFECT, Alternation
@@ -83,7 +85,9 @@ def up_down_and_across(run: Run) -> tuple[int, Alternation]:
     """The default order of the search."""
     table: Table = {}
     options = run.options
-    last = options.n or options.max_n
+    # One weight for each view beyond the first: a texel seen once has none to spare for a blend.
+    views = float(run.problem.measurements.mean()) / 3
+    last = options.n or max(1, min(options.max_n, ceil(views)))
     for n in range(options.n or 1, last + 1):
         _ladder(run, table, n)
         # A fixed n is helped by the models of n + 1 held down to it.
