@@ -26,11 +26,11 @@ import numpy as np
 from swatchwork._native import Pyramid
 from swatchwork.arrays import F32, F64, Float, unit
 from swatchwork.octahedral import direction_from_square
-from swatchwork.reflectance import DIFFUSE_KERNELS, GenericBasis, masking_value, schlick
+from swatchwork.reflectance import DIFFUSE_KERNELS, GenericBasis, masking_value
 from swatchwork.response import DEFAULT_QUADRATURE, Quadrature, generic_responses
 
-MASKINGS = ("vgroove", "smith:0.2", "smith:0.5")
-BASIS = GenericBasis("every kernel", maskings=MASKINGS, diffuse=tuple(DIFFUSE_KERNELS))
+MASKINGS, POWERS = ("vgroove", "smith:0.2", "smith:1"), (5, 2, 0)
+BASIS = GenericBasis("every kernel", maskings=MASKINGS, diffuse=tuple(DIFFUSE_KERNELS), fresnel=POWERS)
 SIGMAS = BASIS.sigmas
 SIDE, BROAD, CHUNK = 384, 0.09, 1 << 14
 
@@ -80,7 +80,7 @@ def frame(n: F64, o: F64) -> tuple[F64, F64]:
 
 
 def sharp_lobe(raster: F32, height: int, sigma: float, axes: F64, viewer: F64) -> F64:
-    """Responses [masking and tau, C] of one roughness, by a grid of quantiles of its distribution."""
+    """Responses [masking and Fresnel power, C] of one roughness, by quantiles of its distribution."""
     quantile = (np.arange(SIDE) + 0.5) / SIDE
     t, phi = (sigma * np.sqrt(-np.log1p(-quantile)))[:, None], 2 * np.pi * quantile
     n_h = 1 / np.sqrt(1 + t * t)
@@ -91,7 +91,7 @@ def sharp_lobe(raster: F32, height: int, sigma: float, axes: F64, viewer: F64) -
     h, o_h, i = h[lit], o_h[lit], i[lit]
     value = o_h / (viewer[2] * h[:, 2]) / SIDE**2
     shadowed = [masking_value(m, i[:, 2], viewer[2], o_h, h[:, 2]) * value for m in MASKINGS]
-    weights = np.stack([g * schlick(o_h, tau) for g in shadowed for tau in (0, 1)])
+    weights = np.stack([g * (1 - o_h) ** power for g in shadowed for power in POWERS])
     return gather(raster, height, i @ axes, weights)
 
 
@@ -113,7 +113,7 @@ def pair_reference(raster: F32, height: int, texels: tuple[F64, F64], n: F64, o:
     axes, viewer = frame(n, o)
     out = np.zeros((BASIS.kernels, raster.shape[1]))
     count = len(SIGMAS)
-    rows = np.arange(2 * len(MASKINGS)) * count
+    rows = np.arange(len(POWERS) * len(MASKINGS)) * count
     measured = list(range(count))[::-every]
     for s in measured:
         if SIGMAS[s] < BROAD:
@@ -183,10 +183,10 @@ def summary(error: F64) -> str:
 
 def print_table(names: list[str], error: F64) -> None:
     """NRMS in percent of each kernel and probe, and the worst ones."""
-    print(f"{'kernel':28}" + "".join(f"{name:>11}" for name in names))
-    labels = [f"{m} tau={tau} sigma={s:.4f}" for m, tau, s in BASIS.lobes] + list(BASIS.diffuse)
+    print(f"{'kernel':32}" + "".join(f"{name:>11}" for name in names))
+    labels = [f"{m} power={p} sigma={s:.4f}" for m, p, s in BASIS.lobes] + list(BASIS.diffuse)
     for label, row in zip(labels, error, strict=True):
-        print(f"{label:28}" + "".join(f"{100 * e:11.3f}" for e in row))
+        print(f"{label:32}" + "".join(f"{100 * e:11.3f}" for e in row))
     print(f"worst (sigma < 0.1, rest, diffuse): {summary(error)} %")
 
 

@@ -41,7 +41,7 @@ def compiled(basis: GenericBasis, quadrature: Quadrature = DEFAULT_QUADRATURE) -
         list(basis.fresnel),
         np.array(plane, np.uint32),
         np.array(weights, np.float32).reshape(len(plane), quadrature.azimuths.size + 2 * bins.size),
-        diffuse.reshape(len(diffuse), -1),
+        diffuse.reshape(-1, len(shapes) ** 2),
     )
 
 

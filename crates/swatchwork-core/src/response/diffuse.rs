@@ -2,7 +2,8 @@
 // SPDX-License-Identifier: MIT
 
 //! Cosine integrals of the visible sky, for the diffuse kernels: lanes run over the cells of the
-//! sky masks, at whose resolution the mask is exact and the radiance an area mean.
+//! sky masks, at whose resolution the mask is exact and the radiance an area mean, and then over the
+//! strong point lights, which those cells leave out.
 
 use super::basis::SHAPES;
 use super::block::power;
@@ -35,28 +36,43 @@ pub fn cosine_integrals<L: Lanes>(
     let n = each!(C => L::splat(normal[C]));
     let zero = L::splat(0.0);
     let mut sums = [[zero; 3]; SHAPES];
-    for start in (0..CELLS * CELLS).step_by(LANES) {
-        let bits = mask.map_or(u64::MAX, |words| words[start / CELLS] >> (start % CELLS));
-        let d = each!(C => at::<L>(&pyramid.cell_direction[C], start));
+    let sources = &pyramid.sources;
+    for start in (0..sources.power[0].len()).step_by(LANES) {
+        let d = each!(C => at::<L>(&sources.direction[C], start));
         let cosine = d[2].fma(n[2], d[1].fma(n[1], d[0] * n[0])).max(zero);
-        let visible = L::keep(bits as u16, cosine);
+        if !cosine.any_positive() {
+            continue;
+        }
+        let bits = mask.map_or(u16::MAX, |words| visible(words, start, &sources.light_cell));
+        let seen = L::keep(bits, cosine);
         let shape = shapes(cosine);
         for c in 0..3 {
-            let reflected = at::<L>(&pyramid.cell_radiance[c], start) * visible;
+            let reflected = at::<L>(&sources.power[c], start) * seen;
             for a in 0..SHAPES {
                 sums[a][c] = reflected.fma(shape[a], sums[a][c]);
             }
         }
     }
-    // A cell subtends 4 pi / CELLS^2, and a Lambertian surface reflects L n.i / pi.
-    let scale = 4.0 / (CELLS * CELLS) as f32;
-    let mut integrals = [[0.0; 3]; SHAPES];
+    let mut out = [[0.0; 3]; SHAPES];
     for a in 0..SHAPES {
         for c in 0..3 {
-            integrals[a][c] = sums[a][c].store().iter().sum::<f32>() * scale;
+            out[a][c] = sums[a][c].store().iter().sum();
         }
     }
-    integrals
+    out
+}
+
+/// Visibility of sixteen sources: cells in order, then lights by their cells.
+#[inline(always)]
+fn visible(words: &[u64], start: usize, light_cell: &[[usize; 2]]) -> u16 {
+    let Some(light) = start.checked_sub(CELLS * CELLS) else {
+        return (words[start / CELLS] >> (start % CELLS)) as u16;
+    };
+    let mut bits = 0;
+    for (k, &[row, column]) in light_cell[light..light + LANES].iter().enumerate() {
+        bits |= (((words[row] >> column) & 1) as u16) << k;
+    }
+    bits
 }
 
 #[inline(always)]

@@ -4,6 +4,7 @@
 //! An environment as the kernels want it: mip levels, the same without its brightest spots at two
 //! thresholds, those spots as point lights, and the cells that diffuse kernels integrate.
 
+use super::lanes::LANES;
 use super::lights::{Light, without_lights};
 use super::mipmap::{Mipmap, halved};
 use super::octahedral::direction_from_square;
@@ -31,15 +32,24 @@ pub enum PyramidError {
     Value(usize),
 }
 
+/// What diffuse kernels integrate: the sky-mask cells of layer 1, then its lights, then darkness up to
+/// whole vectors.
+#[derive(Debug, Clone)]
+pub struct Sources {
+    pub direction: [Vec<f32>; 3],
+    /// Radiance times solid angle over pi, by channel.
+    pub power: [Vec<f32>; 3],
+    /// Row and column of the cell of each source beyond the cells.
+    pub light_cell: Vec<[usize; 2]>,
+}
+
 /// An environment in the world frame.
 #[derive(Debug, Clone)]
 pub struct Pyramid {
     pub(super) layers: [Mipmap; LAYERS],
     /// Lights that layer 1, and layer 2 beyond layer 1, leave out.
     pub(super) lights: [Vec<Light>; LAYERS - 1],
-    /// Radiance [3][CELLS * CELLS] and directions [3][CELLS * CELLS] of the sky-mask cells.
-    pub(super) cell_radiance: [Vec<f32>; 3],
-    pub(super) cell_direction: [Vec<f32>; 3],
+    pub(super) sources: Sources,
 }
 
 impl Pyramid {
@@ -63,15 +73,10 @@ impl Pyramid {
         };
         let (rest, strong, first) = layer(&raster, LAYER[0]);
         let (_, weak, second) = layer(&rest, LAYER[1]);
-        let cells = cells_of(&raster, size);
-        let channel = |c: usize| cells.iter().map(|v| v[c]).collect::<Vec<f32>>();
-        let directions = cell_directions();
-        let axis = |c: usize| directions.iter().map(|d| d[c]).collect::<Vec<f32>>();
         Ok(Self {
+            sources: sources_of(&rest, size, &strong),
             layers: [Mipmap::new(raster, size), first, second],
             lights: [strong, weak],
-            cell_radiance: [channel(0), channel(1), channel(2)],
-            cell_direction: [axis(0), axis(1), axis(2)],
         })
     }
 
@@ -93,6 +98,27 @@ fn at_most(mut raster: Vec<[f32; 3]>, mut side: usize, largest: usize) -> (Vec<[
         side /= 2;
     }
     (raster, side)
+}
+
+fn sources_of(raster: &[[f32; 3]], size: usize, lights: &[Light]) -> Sources {
+    let solid_angle = 4.0 * std::f32::consts::PI / (CELLS * CELLS) as f32;
+    let cells = cell_directions().into_iter().zip(cells_of(raster, size));
+    let mut all: Vec<([f32; 3], [f32; 3])> = cells
+        .map(|(d, v)| (d, v.map(|x| x * solid_angle)))
+        .collect();
+    all.extend(lights.iter().map(|light| (light.direction, light.power)));
+    let mut light_cell: Vec<[usize; 2]> = lights.iter().map(|light| light.cell).collect();
+    all.resize(
+        all.len().next_multiple_of(LANES),
+        ([0.0, 0.0, 1.0], [0.0; 3]),
+    );
+    light_cell.resize(all.len() - CELLS * CELLS, [0, 0]);
+    let over_pi = 1.0 / std::f32::consts::PI;
+    Sources {
+        direction: [0, 1, 2].map(|c| all.iter().map(|(d, _)| d[c]).collect()),
+        power: [0, 1, 2].map(|c| all.iter().map(|(_, v)| v[c] * over_pi).collect()),
+        light_cell,
+    }
 }
 
 /// The raster at the resolution of the sky masks: area means, or repeats of a coarser base.
