@@ -9,7 +9,7 @@ half-vectors a pair and roughness. That grid is coarser than a texel in wider lo
 the texels that matter; those and the diffuse kernels are summed over every texel instead. Prints the
 NRMS of each kernel and probe, and the lookups that a pair costs.
 
-    python scripts/measure/forward_model.py --data FOLDER [--pairs 400] [--cache reference.npz]
+    python scripts/measure/forward_model.py --data FOLDER [--pairs 400] [--cache FILE.npz] [--alternatives]
 
 The reference takes about 15 minutes of one core for 400 pairs; --cache keeps it.
 """
@@ -25,9 +25,9 @@ import numpy as np
 
 from swatchwork._native import Pyramid
 from swatchwork.arrays import F32, F64, Float, unit
-from swatchwork.octahedral import direction_from_square
+from swatchwork.light import Environment
 from swatchwork.reflectance import DIFFUSE_KERNELS, GenericBasis, masking_value
-from swatchwork.response import DEFAULT_QUADRATURE, Quadrature, generic_responses
+from swatchwork.response import DEFAULT_QUADRATURE, Quadrature, generic_responses, log_rings
 
 MASKINGS, POWERS = ("vgroove", "smith:0.2", "smith:1"), (5, 2, 0)
 BASIS = GenericBasis("every kernel", maskings=MASKINGS, diffuse=tuple(DIFFUSE_KERNELS), fresnel=POWERS)
@@ -150,20 +150,6 @@ def reference(rasters: list[F32], n: F64, o: F64, processes: int, every: int) ->
         return np.concatenate(list(done)).reshape(len(n), BASIS.kernels, len(rasters), 3)
 
 
-def octahedral_base(raster: F32, size: int, oversampling: int = 4) -> F32:
-    """Area means [size, size, 3] of a raster looked up bilinearly, in the raster's own frame."""
-    fine = size * oversampling
-    out = np.zeros((size, size, 3), np.float32)
-    centre = (np.arange(fine) + 0.5) / fine
-    for j in range(size):
-        rows = centre[j * oversampling : (j + 1) * oversampling]
-        d = direction_from_square(np.stack(np.meshgrid(centre, rows), -1)).reshape(-1, 3)
-        texel, bilinear = corners(d, *raster.shape[:2])
-        value = np.einsum("kp,kpc->pc", bilinear, raster.reshape(-1, 3)[texel])
-        out[j] = value.reshape(oversampling, size, oversampling, 3).mean(axis=(0, 2))
-    return out
-
-
 def errors(pyramids: list[Pyramid], quadrature: Quadrature, n: F64, o: F64, truth: F64) -> F64:
     """NRMS [J, probe] over pairs and channels."""
     found = [generic_responses(BASIS, pyramid, n, o, quadrature=quadrature) for pyramid in pyramids]
@@ -190,13 +176,46 @@ def print_table(names: list[str], error: F64) -> None:
     print(f"worst (sigma < 0.1, rest, diffuse): {summary(error)} %")
 
 
+def alternatives() -> dict[str, Quadrature]:
+    """Other quadratures, by what they are; the first ones look up the whole environment at every roughness."""
+    bins, never = DEFAULT_QUADRATURE.bins, (9.0, 9.0)
+    idle = log_rings(0.1, 0.2, 2, 2)
+    found = {}
+    for count, azimuths in ((32, 8), (48, 12), (48, 16), (64, 24), (64, 48), (96, 32), (96, 72)):
+        rings = log_rings(4e-4, 1.6, count, azimuths)
+        found[f"one layer, {count} x {azimuths}"] = Quadrature((rings, idle, idle), never, bins)
+    sharp, middle, broad = DEFAULT_QUADRATURE.layers
+    bounds = DEFAULT_QUADRATURE.bounds
+    found["three layers, the default"] = DEFAULT_QUADRATURE
+    fewer = log_rings(0.007, 0.32, 18, 32), log_rings(0.025, 1.5, 18, 32, blur=3.0)
+    found["three layers, fewer in the broader two"] = Quadrature((sharp, *fewer), bounds, bins)
+    even = log_rings(4e-4, 0.12, 34, 24)
+    found["three layers, 24 on every sharp ring"] = Quadrature((even, middle, broad), bounds, bins)
+    more = (
+        log_rings(4e-4, 0.12, 48, 48),
+        log_rings(0.005, 0.35, 32, 64),
+        log_rings(0.016, 1.8, 32, 72, blur=2.0),
+    )
+    found["three layers, more in each"] = Quadrature(more, bounds, bins)
+    return found
+
+
+def print_alternatives(pyramids: list[Pyramid], n: F64, o: F64, truth: F64) -> None:
+    """Worst NRMS in percent (sigma < 0.1, broader, diffuse) over probes and kernels, beside the lookups."""
+    print(f"{'quadrature':42}{'lookups':>8}  worst: sharp, broad, diffuse")
+    for name, quadrature in alternatives().items():
+        worst = summary(errors(pyramids, quadrature, n, o, truth))
+        lookups = sum(r.azimuths.sum() for r in quadrature.layers if r.azimuths.size > 2)
+        print(f"{name:42}{lookups:8}  {worst}", flush=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--data", type=Path, required=True, help="folder of latitude-longitude .hdr probes")
     parser.add_argument("--pairs", type=int, default=400)
-    parser.add_argument("--base", type=int, default=1024, help="side of the octahedral base")
     parser.add_argument("--cache", type=Path, help="keep the reference here")
     parser.add_argument("--every", type=int, default=1, help="measure only every so manieth roughness")
+    parser.add_argument("--alternatives", action="store_true", help="measure other quadratures too")
     parser.add_argument("--processes", type=int, default=2)
     args = parser.parse_args()
     rasters = probes(args.data)
@@ -207,9 +226,13 @@ def main() -> None:
         truth = reference(list(rasters.values()), n, o, args.processes, args.every)
         if args.cache:
             np.savez(args.cache, truth=truth)
-    pyramids = [Pyramid(octahedral_base(raster, args.base)) for raster in rasters.values()]
+    # The folder's convention is Mitsuba's, turned by half a turn about y.
+    turn = np.diag([-1.0, 1.0, -1.0])
+    pyramids = [Environment(raster, "mitsuba", turn).pyramid() for raster in rasters.values()]
     print_table(list(rasters), errors(pyramids, DEFAULT_QUADRATURE, n, o, truth))
-    print(f"lookups a pair: {DEFAULT_QUADRATURE.lookups}")
+    print(f"lookups a pair: {DEFAULT_QUADRATURE.lookups}; point lights: {[p.lights for p in pyramids]}")
+    if args.alternatives:
+        print_alternatives(pyramids, n, o, truth)
 
 
 if __name__ == "__main__":
