@@ -1,0 +1,60 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""What the measurements here share: figures with the command and the commit they come from, and tables."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def commit() -> str:
+    """The commit at run time; "+" where the package's sources differ from it."""
+
+    def git(*arguments: str) -> str:
+        return subprocess.run(
+            ["git", "-C", str(ROOT), *arguments], capture_output=True, text=True, check=False
+        ).stdout.strip()
+
+    changed = git("status", "--porcelain", "--untracked-files=no", "--", "python", "crates")
+    return (git("rev-parse", "--short", "HEAD") or "unknown") + ("+" if changed else "")
+
+
+def command() -> str:
+    """The command line that runs, as one would type it in the checkout."""
+    script = Path(sys.argv[0]).resolve()
+    name = script.relative_to(ROOT).as_posix() if script.is_relative_to(ROOT) else str(script)
+    return shlex.join(["python", name, *sys.argv[1:]])
+
+
+def write(path: Path | None, figures: dict[str, Any]) -> None:
+    """Write figures as JSON with where they come from; nothing where no path was asked for."""
+    if path is None:
+        return
+    path.parent.mkdir(parents=True, exist_ok=True)
+    source = {"command": command(), "commit": commit(), "date": time.strftime("%Y-%m-%d")}
+    path.write_text(json.dumps(source | figures, indent=1) + "\n", encoding="utf-8")
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[Any]], *, markdown: bool = False) -> str:
+    """Rows under a head, aligned: the first column to the left, the others to the right."""
+    cells = [[str(c) for c in row] for row in (head, *rows)]
+    width = [max(len(row[i]) for row in cells) for i in range(len(head))]
+
+    def line(row: Sequence[str]) -> str:
+        aligned = [c.rjust(w) if i else c.ljust(w) for i, (c, w) in enumerate(zip(row, width, strict=True))]
+        return "| " + " | ".join(aligned) + " |" if markdown else "  ".join(aligned)
+
+    lines = [line(row) for row in cells]
+    if markdown:
+        rule = ["-" * w if i == 0 else "-" * (w - 1) + ":" for i, w in enumerate(width)]
+        lines.insert(1, "| " + " | ".join(rule) + " |")
+    return "\n".join(lines)
