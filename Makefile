@@ -4,12 +4,15 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 DEMO ?= demo
+DATA ?= ../shared/data
+CAPTURES ?= ../shared/captures
+FIGURES := target/validation
 RUST_SOURCES := Cargo.toml Cargo.lock $(shell find crates -name target -prune -o \( -name '*.rs' -o -name Cargo.toml \) -print)
 # Recipes run with the environment's tools first; an activated or conda environment must not win over it.
 VENV_ENV := env -u CONDA_PREFIX VIRTUAL_ENV="$(CURDIR)/$(VENV)"
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint format bench picture clean
+.PHONY: help setup demo test lint format bench validate picture clean
 
 help: ## list what there is to make
 	@awk -F':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -54,6 +57,14 @@ format: setup ## format Python and Rust in place
 
 bench: setup ## time the kernels (criterion)
 	cargo bench -p swatchwork-core
+
+# Finished capture runs are kept in $(FIGURES)/runs; `rm -r $(FIGURES)` to begin anew.
+validate: setup ## measure exactness, synthetic blends, captures (hours); write docs/validation.md
+	$(BIN)/python scripts/measure/exactness.py --captures $(CAPTURES) --json $(FIGURES)/exactness.json
+	$(BIN)/python scripts/measure/two_of_four.py --data $(DATA) --json $(FIGURES)/two_of_four.json
+	$(BIN)/python scripts/measure/two_of_four.py --data $(DATA) --search-order paper --json $(FIGURES)/two_of_four-paper-order.json
+	$(BIN)/python scripts/measure/captures.py --captures $(CAPTURES) --json $(FIGURES)/captures.json
+	$(BIN)/python scripts/measure/page.py --figures $(FIGURES) --page docs/validation.md
 
 picture: setup ## make the README's picture, docs/picture.png, from the demo
 	$(BIN)/swatchwork demo $(DEMO) --picture docs/picture.png

@@ -109,7 +109,7 @@ def measure(capture: Path, basis: str, views: int, work: Path) -> dict[str, Any]
     """Reconstruct, relight, evaluate; then the floor and the breakdown."""
     material, renders, test = work / "material", work / "renders", capture / "test"
     reconstruct = ["reconstruct", str(capture), "-o", str(material), "--basis", basis, "--views", str(views)]
-    start = time.perf_counter()
+    commit, start = results.commit(), time.perf_counter()
     found = run(reconstruct)
     seconds = time.perf_counter() - start
     relit = run(["relight", str(material), "--cameras", str(test / "transforms.json"), "-o", str(renders)])
@@ -122,7 +122,7 @@ def measure(capture: Path, basis: str, views: int, work: Path) -> dict[str, Any]
         "capture": capture.name,
         "basis": basis,
         "views": views,
-        "commit": results.commit(),
+        "commit": commit,
         "seconds": seconds,
         "reconstruct": found,
         "relight": relit,

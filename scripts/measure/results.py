@@ -28,6 +28,10 @@ def commit() -> str:
     return (git("rev-parse", "--short", "HEAD") or "unknown") + ("+" if changed else "")
 
 
+COMMIT = commit()
+"""When the script began, for later ones may come while it runs."""
+
+
 def command() -> str:
     """The command line that runs, as one would type it in the checkout."""
     script = Path(sys.argv[0]).resolve()
@@ -40,7 +44,7 @@ def write(path: Path | None, figures: dict[str, Any]) -> None:
     if path is None:
         return
     path.parent.mkdir(parents=True, exist_ok=True)
-    source = {"command": command(), "commit": commit(), "date": time.strftime("%Y-%m-%d")}
+    source = {"command": command(), "commit": COMMIT, "date": time.strftime("%Y-%m-%d")}
     path.write_text(json.dumps(source | figures, indent=1) + "\n", encoding="utf-8")
 
 

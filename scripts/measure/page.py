@@ -1,0 +1,222 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""Write docs/validation.md from the figures that the measurements left as JSON.
+
+    python scripts/measure/page.py --figures target/validation --page docs/validation.md
+
+Reads exactness.json, two_of_four*.json and captures.json, whichever are there. Every verdict is computed from
+them against the bounds below; the page names the command and the commit of each figure.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import captures
+import exactness
+import results
+import two_of_four
+
+Figures = dict[str, Any]
+Verdict = tuple[str, float, float, str]
+"""What is bounded, the figure, its bound, and the unit."""
+
+IGEA_PEER = 0.239
+"""Novel-light NRMS of the peer on igea-merl at k=12, from that capture's README."""
+
+SYNTHETIC_BOUNDS = {
+    "noise-free, k=6": 0.001,
+    "GGX truth, k=3": 0.02,
+    "GGX truth, k=6": 0.01,
+    "3 % noise, k=6": 0.035,
+    "GGX truth, 3 % noise, k=6": 0.035,
+}
+FOUND_TOO = ("noise-free, k=6", "3 % noise, k=6")
+"""Cases in which n=2 and N=4 are to be found as well."""
+
+
+def read(folder: Path, name: str) -> Figures | None:
+    file = folder / f"{name}.json"
+    return json.loads(file.read_text(encoding="utf-8")) if file.exists() else None
+
+
+def source(figures: Figures) -> str:
+    return f"`{figures['command']}`, commit {figures['commit']}, {figures['date']}."
+
+
+def as_verdicts(verdicts: list[Verdict]) -> str:
+    """A table of bounds: met, or missed."""
+    rows = []
+    for what, value, bound, unit in verdicts:
+        shown, limit = (100 * value, 100 * bound) if unit == "%" else (value, bound)
+        met = math.isfinite(value) and value <= bound
+        rows.append([what, f"{shown:.3g} {unit}", f"{limit:.3g} {unit}", "met" if met else "**missed**"])
+    return results.table(["bound", "found", "at most", ""], rows, markdown=True)
+
+
+# ---- sections ------------------------------------------------------------------------------------
+def exactness_section(figures: Figures) -> str:
+    families = [exactness.Family(**family) for family in figures["blend"]]
+    fits = figures["representatives"]
+    worst_fit = max(fit["difference"] for fit in fits)
+    count = sum(family.problems for family in families)
+    short = max(0, 100_000 - count)
+    verdicts = [
+        ("problems short of 100,000", short, 0, ""),
+        ("blend step: objective above exhaustive search's", max(f.worst for f in families), 1e-6, ""),
+        ("blend step: answers that are not feasible", sum(f.infeasible for f in families), 0, ""),
+        ("representative step: off an independent solver", worst_fit, 1e-6, ""),
+    ]
+    largest = max(fit["N"] for fit in fits)
+    return f"""## Exactness
+
+{source(figures)}
+
+The blend step against enumeration of every support in NumPy, N to {exactness.MOST_N}, n to
+{exactness.MOST_BLENDED}: *worse by* is the largest excess of its objective, *better by* what enumeration in
+floating point missed, *off brute* the difference to the core's own brute force, all relative to the optimum
+or to {figures["energy_floor"]:.0e} of the measured energy. *Same support* counts problems that leave a
+residual (otherwise the best support need not be the only one; nor is it where columns are twins).
+*Visited* are supports a problem.
+
+{results.table(exactness.BLEND_HEAD, exactness.blend_rows(families), markdown=True)}
+
+The representative step against Lawson-Hanson NNLS on the stacked rows (and bounded-variable least squares at
+N = 1): {len(fits)} problems, N up to {largest}, 0 to 3 % noise; worst relative difference of the
+objective {worst_fit:.1e}.
+
+{as_verdicts(verdicts)}
+"""
+
+
+def two_of_four_section(figures: Figures, title: str) -> str:
+    runs = [two_of_four.Run(**run) for run in figures["runs"]]
+    verdicts: list[Verdict] = []
+    for name, bound in SYNTHETIC_BOUNDS.items():
+        of = [run for run in runs if run.case == name]
+        if of:
+            mean = sum(run.nrms for run in of) / len(of)
+            verdicts.append((f"{name}: mean NRMS of {len(of)} seeds", mean, bound, "%"))
+        if of and name in FOUND_TOO:
+            other = sum((run.n, run.N) != (2, 4) for run in of)
+            verdicts.append((f"{name}: runs that find another n, N", other, 0, ""))
+    failures = [
+        two_of_four.row(run)
+        for run in runs
+        if run.nrms > SYNTHETIC_BOUNDS[run.case] or (run.n, run.N) != (2, 4)
+    ]
+    failed = results.table(two_of_four.HEAD, failures, markdown=True) if failures else "None."
+    rows = [two_of_four.row(run) for run in runs] + two_of_four.mean_rows(runs)
+    return f"""## {title}
+
+{source(figures)}
+
+A sphere of {figures["texels"]} points, {figures["basis"]} basis, light (capture, novel): {figures["lights"]},
+search order: {figures["search_order"]}, automatic penalties. NRMS is of the novel light in views that were
+not measured; the floor has the true weights.
+
+{as_verdicts(verdicts)}
+
+Runs above the bound, or with another n or N:
+
+{failed}
+
+Every run:
+
+{results.table(two_of_four.HEAD, rows, markdown=True)}
+"""
+
+
+def capture_verdicts(runs: list[Figures]) -> list[Verdict]:
+    """The issue's bounds, each for the basis that does better there."""
+
+    def best(name: str, views: int) -> Figures | None:
+        of = [run for run in runs if (run["capture"], run["views"]) == (name, views)]
+        return min(of, key=lambda run: run["evaluation"]["nrms"]) if of else None
+
+    verdicts: list[Verdict] = []
+    for name, views, bound in (("sphere-merl", 12, 0.085), ("sphere-merl", 6, 0.11)):
+        if (run := best(name, views)) is not None:
+            verdicts.append((f"{name}, k={views} ({run['basis']})", run["evaluation"]["nrms"], bound, "%"))
+    if (run := best("sphere-merl", 12)) is not None:
+        ratio = run["evaluation"]["nrms"] / run["floor"]["nrms"]
+        verdicts.append((f"sphere-merl, k=12 ({run['basis']}), over its floor", ratio, 1.2, "x"))
+    if (run := best("igea-merl", 12)) is not None:
+        half = f"igea-merl, k=12 ({run['basis']}), half of the peer's"
+        verdicts.append((half, run["evaluation"]["nrms"], IGEA_PEER / 2, "%"))
+    return verdicts
+
+
+def captures_section(figures: Figures) -> str:
+    runs = figures["runs"]
+    commits = ", ".join(dict.fromkeys(run["commit"] for run in runs))
+    rows = [captures.row(run) for run in runs]
+    limit = 100 * captures.SHUT_IN
+    parts = []
+    for run in runs:
+        b = run["breakdown"]
+        shares = (b[f"{part}_nrms"] for part in ("seen", "unseen", "open", "shut_in"))
+        floor_error = min(1.0, (run["floor"]["nrms"] / run["evaluation"]["nrms"]) ** 2)
+        cells = [f"{100 * share:.2f}" for share in (*shares, floor_error)]
+        parts.append([f"{run['capture']}, {run['basis']}", str(run["views"]), *cells])
+    split_head = ["capture", "k", "seen", "unseen", "open", "shut in", "floor's share of error"]
+    return f"""## Captures of measured materials
+
+{source(figures)} Runs were made at commit {commits}.
+
+Novel-light NRMS on `test/`, in %. Each command is a process of its own; *s* and *MB* are the wall
+time and peak memory of `swatchwork reconstruct`, *atlas* its resolution, the default. The floor is the same
+basis and texels with the true weights. *inner* is n.o above 0.2; *rim, share*: NRMS below that, and the part
+of the squared error there. *unseen, share*: texels that no photograph shows, and the part of the error at
+them. *shut in, share*: test pixels from which the object hides more than {limit:.0f} % of the hemisphere,
+and the part of the error there.
+
+{as_verdicts(capture_verdicts(runs))}
+
+{results.table(captures.HEAD, rows, markdown=True)}
+
+Where the error sits: NRMS in % at seen and unseen texels, at open and shut-in ones, and how much of the
+squared error the floor has too (the basis, the light's resolution, interreflections).
+
+{results.table(split_head, parts, markdown=True)}
+"""
+
+
+def page(folder: Path) -> str:
+    sections = []
+    if (figures := read(folder, "exactness")) is not None:
+        sections.append(exactness_section(figures))
+    for name, title in (
+        ("two_of_four", "Two of four materials"),
+        ("two_of_four-paper-order", "Two of four materials, in the paper's search order"),
+        ("two_of_four-extended", "Two of four materials, extended basis"),
+    ):
+        if (figures := read(folder, name)) is not None:
+            sections.append(two_of_four_section(figures, title))
+    if (figures := read(folder, "captures")) is not None:
+        sections.append(captures_section(figures))
+    head = """# Validation
+
+Written by `make validate` (scripts/measure/page.py); do not edit. A commit with a "+" had uncommitted changes
+of the package.
+"""
+    return "\n".join([head, *sections])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--figures", type=Path, default=results.ROOT / "target" / "validation")
+    parser.add_argument("--page", type=Path, default=results.ROOT / "docs" / "validation.md")
+    args = parser.parse_args()
+    args.page.write_text(page(args.figures), encoding="utf-8")
+    print(f"wrote {args.page}")
+
+
+if __name__ == "__main__":
+    main()
