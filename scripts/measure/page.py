@@ -161,7 +161,7 @@ def captures_section(figures: Figures) -> str:
         b = run["breakdown"]
         shares = (b[f"{part}_nrms"] for part in ("seen", "unseen", "open", "shut_in"))
         floor_error = min(1.0, (run["floor"]["nrms"] / run["evaluation"]["nrms"]) ** 2)
-        cells = [f"{100 * share:.2f}" for share in (*shares, floor_error)]
+        cells = [f"{100 * share:.2f}" if share > 0 else "-" for share in (*shares, floor_error)]
         parts.append([f"{run['capture']}, {run['basis']}", str(run["views"]), *cells])
     split_head = ["capture", "k", "seen", "unseen", "open", "shut in", "floor's share of error"]
     return f"""## Captures of measured materials

@@ -51,7 +51,7 @@ def write(path: Path | None, figures: dict[str, Any]) -> None:
 def table(head: Sequence[str], rows: Sequence[Sequence[Any]], *, markdown: bool = False) -> str:
     """Rows under a head, aligned: the first column to the left, the others to the right."""
     cells = [[str(c) for c in row] for row in (head, *rows)]
-    width = [max(len(row[i]) for row in cells) for i in range(len(head))]
+    width = [max(2, *(len(row[i]) for row in cells)) for i in range(len(head))]
 
     def line(row: Sequence[str]) -> str:
         aligned = [c.rjust(w) if i else c.ljust(w) for i, (c, w) in enumerate(zip(row, width, strict=True))]

@@ -145,15 +145,15 @@ def main() -> None:
     parser.add_argument("--json", type=Path, help="write the figures here")
     args = parser.parse_args()
     light, options = lights(args.data), SolveOptions(search_order=args.search_order)
+    settings = {key: getattr(args, key) for key in ("basis", "search_order", "texels")}
+    settings["lights"] = "Grace, Uffizi" if args.data else "procedural room, sky"
     runs = []
     for i in args.only or range(len(CASES)):
         for seed in range(args.first_seed, args.first_seed + args.seeds):
             runs.append(measure(CASES[i], seed, args.basis, options, args.texels, light))
             print("  ".join(row(runs[-1])), flush=True)
+            results.write(args.json, settings | {"runs": [asdict(run) for run in runs]})
     print("\n" + results.table(HEAD, [row(run) for run in runs] + mean_rows(runs)))
-    settings = {key: getattr(args, key) for key in ("basis", "search_order", "texels")}
-    light_name = "Grace, Uffizi" if args.data else "procedural room, sky"
-    results.write(args.json, settings | {"lights": light_name, "runs": [asdict(run) for run in runs]})
 
 
 if __name__ == "__main__":
