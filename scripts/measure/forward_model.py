@@ -177,7 +177,7 @@ def print_table(names: list[str], error: F64) -> None:
 
 
 def alternatives() -> dict[str, Quadrature]:
-    """Other quadratures, by what they are; the first ones look up the whole environment at every roughness."""
+    """Other quadratures; the first ones look up the whole environment at every roughness."""
     bins, never = DEFAULT_QUADRATURE.bins, (9.0, 9.0)
     idle = log_rings(0.1, 0.2, 2, 2)
     found = {}

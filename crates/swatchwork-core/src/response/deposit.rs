@@ -95,6 +95,9 @@ fn deposit<L: Lanes>(
     }
     let [row, column] = light.cell;
     let bins = basis.light_bins.count;
+    let [red, green, blue] = light.power;
+    // Four wide, so that a bin and plane is one vector.
+    let colour = [red, green, blue, 0.0];
     for lane in 0..LANES {
         let hidden = sky.row[lane] >= 0
             && (sky.words[sky.row[lane] as usize * CELLS + row] >> column) & 1 == 0;
@@ -108,9 +111,9 @@ fn deposit<L: Lanes>(
         for plane in 0..planes {
             let value = share[plane][lane];
             let (a, b) = (value * (1.0 - upper), value * upper);
-            for c in 0..3 {
-                low[plane][c] += a * light.power[c];
-                high[plane][c] += b * light.power[c];
+            for c in 0..4 {
+                low[plane][c] += a * colour[c];
+                high[plane][c] += b * colour[c];
             }
         }
     }

@@ -206,7 +206,9 @@ fn block<L: Lanes>(job: &Job, first: usize, scratch: &mut Scratch) {
     };
     ring_means::<L>(job.basis, job.pyramid, &frames, &sky, means);
     light_means::<L>(job.basis, job.pyramid, &frames, &sky, lights, means);
-    diffuse_means::<L>(job, first, last, &frames, &sky, means);
+    if !job.basis.diffuse.is_empty() {
+        diffuse_means::<L>(job, first, last, &frames, &sky, means);
+    }
     match job.reduction {
         Reduction::Kernels => fold_kernels::<L>(job.basis, means, results),
         Reduction::Representatives(folded) => fold_representatives::<L>(folded, means, results),
