@@ -27,8 +27,9 @@ DIFFUSE_KERNELS: dict[str, tuple[tuple[str, str], ...]] = {
     "grazing10": (("tenth", "one"), ("one", "tenth")),
     "shade": (("shade", "shade"),),
 }
-"""Diffuse kernels by name: pi times the BRDF is the sum over the pairs (a, b) of a(n.i) b(n.o), with shapes
-a and b of DIFFUSE_SHAPES. All are reciprocal. ``half`` is the diffuse term of Ashikhmin and Shirley (2000)."""
+"""Diffuse kernels by name: pi times the BRDF is the sum over the pairs (a, b) of a(n.i) b(n.o), with
+shapes a and b of DIFFUSE_SHAPES. All are reciprocal. ``half`` is the diffuse term of Ashikhmin and Shirley
+(2000)."""
 
 
 class Lobe(NamedTuple):
@@ -77,7 +78,7 @@ class GenericBasis:
         if not (np.isfinite(self.sigmas).all() and (self.sigmas > 0).all()):
             raise InputError(f"roughnesses {self.sigmas}", expected="finite values above 0")
         if len(set(self.fresnel)) != len(self.fresnel) or not all(0 <= p <= 9 for p in self.fresnel):
-            raise InputError(f"Fresnel exponents {self.fresnel}", expected="different whole numbers from 0 to 9")
+            raise InputError(f"Fresnel exponents {self.fresnel}", expected="different whole numbers, 0 to 9")
 
     @cached_property
     def lobes(self) -> tuple[Lobe, ...]:
