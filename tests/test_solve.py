@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 import pytest
@@ -174,7 +174,7 @@ def test_papers_order_follows_section_4() -> None:
     visited = [(step.n, step.N) for step in solution.history]
     assert visited[0] == (1, 1)
     # N restarts at 1 for every n and rises by one.
-    for (n0, N0), (n1, N1) in zip(visited, visited[1:], strict=False):
+    for (n0, N0), (n1, N1) in pairwise(visited):
         assert (n1, N1) == (n0, N0 + 1) or (n1, N1) == (n0 + 1, 1)
     assert (solution.lambda0, solution.lambda1) == (0.005**2, 0.002**2)
 

@@ -14,6 +14,9 @@ use swatchwork_core::solve::nnls::{Status, Workspace};
 use swatchwork_core::solve::problem::Problem;
 use swatchwork_core::solve::representatives;
 
+/// A matrix, a vector and a number beside them, as Python gets them.
+type MatrixVector<'py, T> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>, T);
+
 /// Texels blended between two looks at Ctrl-C.
 const STRIDE: usize = 4096;
 
@@ -164,7 +167,7 @@ impl SolverProblem {
         py: Python<'py>,
         weights: PyReadonlyArray2<f64>,
         channel: usize,
-    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>, f64)> {
+    ) -> PyResult<MatrixVector<'py, f64>> {
         let (values, n) = checked_weights(&weights, self.inner.texels())?;
         if channel > 2 {
             return Err(invalid(format!("channel: {channel}; expected 0, 1 or 2")));
@@ -209,6 +212,7 @@ fn array3<T>(values: Vec<T>, shape: [usize; 3]) -> Array3<T> {
 /// (weights [M, N], squared error [M], supports visited).
 #[pyfunction]
 #[pyo3(signature = (responses, radiance, offsets, most, search="exact", previous=None, sample=0.05, cover=0.99, seed=0))]
+#[allow(clippy::too_many_arguments)] // keyword arguments in Python
 fn blend<'py>(
     py: Python<'py>,
     responses: PyReadonlyArray3<f32>,
@@ -220,7 +224,7 @@ fn blend<'py>(
     sample: f64,
     cover: f64,
     seed: u64,
-) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>, u64)> {
+) -> PyResult<MatrixVector<'py, u64>> {
     let shape = responses.shape();
     let (pairs, n) = (shape[0], shape[1]);
     if shape[2] != 3 || radiance.shape() != [pairs, 3] || n == 0 || n > MOST || most == 0 {

@@ -16,8 +16,8 @@ They are summaries; the material itself is the blend of representatives.
 - ``confidence``: views / (views + 2) / (1 + (residual / 0.1)^2): 0 where no view saw the texel, 0.5 at
   two views that fit perfectly. A hint for eyes, no probability.
 
-Energies e_j are luminances times the cosine-weighted mean of (1 - cos)^p, 2 / ((p + 1) (p + 2)). Roughness and
-tau are 0 where nothing is specular, the residual where nothing was measured; off the atlas all maps are
+Energies e_j are luminances times the cosine-weighted mean of (1 - cos)^p, 2 / ((p + 1) (p + 2)). Roughness
+and tau are 0 where nothing is specular, the residual where nothing was measured; off the atlas all maps are
 0 and coverage is -1.
 """
 

@@ -47,11 +47,13 @@ impl Problem {
         let mut gamma = Vec::with_capacity(offsets.len() - 1);
         let mut texel = Vec::with_capacity(pairs);
         for x in 0..offsets.len() - 1 {
-            let mut energy = 0.0;
-            for p in offsets[x]..offsets[x + 1] {
-                energy += (0..3).map(|c| (radiance[c][p] as f64).powi(2)).sum::<f64>();
-                texel.push(x as u32);
-            }
+            let pairs = offsets[x]..offsets[x + 1];
+            let energy: f64 = radiance
+                .iter()
+                .flat_map(|plane: &Vec<f32>| &plane[pairs.clone()])
+                .map(|&v| f64::from(v).powi(2))
+                .sum();
+            texel.extend(pairs.map(|_| x as u32));
             gamma.push(1.0 / energy.max(floor[x]));
         }
         Problem {
