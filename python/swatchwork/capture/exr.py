@@ -5,7 +5,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -86,7 +87,11 @@ def _opened(path: Path, *, header_only: bool) -> Iterator[Any]:
     if not path.is_file():
         raise InputError("no such file", file=path, expected="an EXR image")
     try:
-        with OpenEXR.File(str(path), separate_channels=True, header_only=header_only) as file:
+        # The library prints what it finds wrong with a file, before it raises.
+        with (
+            redirect_stdout(StringIO()),
+            OpenEXR.File(str(path), separate_channels=True, header_only=header_only) as file,
+        ):
             yield file
     except InputError:
         raise

@@ -116,5 +116,6 @@ def crop_box(alpha: F32, margin: float = 0.06) -> tuple[slice, slice]:
 def data_uri(pixels: U8) -> str:
     """The picture as a PNG inside a ``data:`` address."""
     buffer = io.BytesIO()
-    Image.fromarray(pixels).save(buffer, format="PNG", optimize=True)
+    # Best compression takes five times as long and saves 3 %.
+    Image.fromarray(pixels).save(buffer, format="PNG", compress_level=6)
     return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")

@@ -5,7 +5,7 @@
 from .blends import blend_pattern, dense_weights
 from .captures import SyntheticCapture, simulate_capture
 from .environments import KINDS, procedural_environment
-from .materials import Lobe, Recipe, four_materials, ggx_basis, ggx_mixture, in_basis, in_ggx
+from .materials import Lobe, Recipe, four_materials, ggx_basis, ggx_mixture, in_basis, in_ggx, satin_materials
 from .photographs import Subject, photograph
 from .problem import Pairs, SyntheticProblem, fibonacci_sphere, two_of_four
 from .shapes import SHAPES, shape
@@ -34,6 +34,7 @@ __all__ = [
     "procedural_environment",
     "random_directions",
     "ring_directions",
+    "satin_materials",
     "shape",
     "simulate_capture",
     "two_of_four",

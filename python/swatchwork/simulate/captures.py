@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -19,7 +19,7 @@ from ..reflectance import GenericBasis, paper
 from ..surface import write_mesh_obj
 from .blends import blend_pattern
 from .environments import procedural_environment
-from .materials import four_materials, ggx_basis, in_basis, in_ggx
+from .materials import Recipe, four_materials, ggx_basis, in_basis, in_ggx
 from .photographs import Subject, photograph
 from .shapes import shape
 from .viewpoints import camera_towards, random_directions
@@ -54,9 +54,12 @@ def simulate_capture(
     seed: int = 0,
     truth: str = "basis",
     basis: GenericBasis | None = None,
+    masking: str = "vgroove",
+    recipes: Sequence[Recipe] | None = None,
     materials: int = 4,
     blended: int = 2,
     sharp: bool = False,
+    patches: float = 2.5,
     noise_percent: float = 0.0,
     read_noise: float = 0.0,
     lights: tuple[str, str] = ("room", "sky"),
@@ -73,8 +76,11 @@ def simulate_capture(
         test_views: frames under the second of ``lights``.
         size: pixels along an image's side.
         seed: of materials, blend, views, lights and noise.
-        truth: ``basis``, materials within ``basis`` (the paper's by default), or ``ggx``, beyond it.
-        materials: N of the truth, at most 4; ``blended`` is its n; ``sharp`` gives hard edges.
+        truth: ``basis``, materials within ``basis`` (the paper's by default), or ``ggx``, beyond it, with
+            ``masking``.
+        recipes: what to blend; ``four_materials(seed)`` by default.
+        materials: N of the truth, at most as many as recipes; ``blended`` is its n.
+        sharp: hard edges between patches; ``patches`` is how many (see `blend_pattern`).
         noise_percent: each measurement is multiplied by 1 + p / 100 N(0, 1).
         read_noise: standard deviation of what is added, in units of the environment's mean radiance.
         cells: shadings along a pixel's side.
@@ -83,12 +89,16 @@ def simulate_capture(
         raise ValueError(f"truth is {truth!r}; expected 'basis' or 'ggx'")
     folder = Path(folder)
     mesh = shape(object_shape, rows)
-    recipes = four_materials(seed)[:materials]
-    used = ggx_basis() if truth == "ggx" else basis or paper()
-    representatives = in_ggx(recipes) if truth == "ggx" else in_basis(recipes, used)
+    folder.mkdir(parents=True, exist_ok=True)
+    write_mesh_obj(folder / "mesh.obj", mesh)
+    of = tuple(recipes or four_materials(seed))[:materials]
+    used = ggx_basis(masking) if truth == "ggx" else basis or paper()
+    representatives = in_ggx(of, masking) if truth == "ggx" else in_basis(of, used)
 
     def blend(position: F64) -> tuple[U32, F64]:
-        return blend_pattern(position, materials=materials, blended=blended, seed=seed, sharp=sharp)
+        return blend_pattern(
+            position, materials=materials, blended=blended, seed=seed, sharp=sharp, patches=patches
+        )
 
     # Nothing shadows a sphere: a few samples are enough to find that.
     sky_samples = 64 if object_shape == "sphere" else 4000
@@ -121,8 +131,6 @@ def simulate_capture(
                 Capture(root, root / "transforms.json", folder / "mesh.obj", (), source, tuple(frames)), root
             )
 
-        folder.mkdir(parents=True, exist_ok=True)
-        write_mesh_obj(folder / "mesh.obj", mesh)
         write(folder, towards, train, noisy)
         write(folder / "test", away, test, lambda image: image)
     return SyntheticCapture(folder, folder / "test", used, representatives, blend, subject)

@@ -11,7 +11,7 @@ import numpy as np
 from ..arrays import F64, unit
 from ..light import Environment, direction_from_uv
 
-KINDS = ("room", "sky", "studio")
+KINDS = ("room", "sky", "studio", "atelier", "overcast")
 CONVENTION = "blender"
 
 
@@ -19,12 +19,20 @@ def procedural_environment(kind: str, seed: int = 0, height: int = 128) -> Envir
     """An environment of 2 x height by height pixels, z up, of mean radiance 1.
 
     ``room`` has dim tinted walls, sharp bright windows and small lamps; ``sky`` a gradient, clouds, a
-    small sun and a ground; ``studio`` softboxes of several colours on near black. Peaks reach some
-    hundred times the mean. The same kind and seed give the same light at every height.
+    small sun and a ground; ``studio`` softboxes of several colours on near black; ``atelier`` large
+    windows in pale walls; ``overcast`` a sky whose sun is a wide glow. Peaks reach some hundred times the
+    mean, in the last two ten times. The same kind and seed give the same light at every height.
     """
     if kind not in KINDS:
         raise ValueError(f"no procedural environment {kind!r}; expected one of {', '.join(KINDS)}")
-    paint: Callable[[F64, np.random.Generator], F64] = {"room": _room, "sky": _sky, "studio": _studio}[kind]
+    painters: dict[str, Callable[[F64, np.random.Generator], F64]] = {
+        "room": _room,
+        "sky": _sky,
+        "studio": _studio,
+        "atelier": _atelier,
+        "overcast": _overcast,
+    }
+    paint = painters[kind]
     # Four samples a pixel, so that windows and lamps keep their energy at every height.
     fine = 2 * height
     v, u = np.meshgrid(
@@ -68,6 +76,27 @@ def _sky(d: F64, rng: np.random.Generator) -> F64:
     skyline = 0.12 * np.abs(np.round(2 * waves(unit(d * [1, 1, 0]), rng, frequency=4.0)))
     dark = np.broadcast_to(rng.uniform(0.05, 0.3, 3), d.shape)
     return np.where(d[..., 2:] < 0, ground, np.where(d[..., 2:] < skyline[..., None], dark, sky))
+
+
+def _atelier(d: F64, rng: np.random.Generator) -> F64:
+    found = rng.uniform(0.25, 0.5, 3) * (1 + 0.4 * d[..., 2:])
+    for _ in range(6):
+        centre = unit(rng.normal(size=3) * [1, 1, 0.5] + [0, 0, 0.3])
+        tint = np.array([0.85, 0.95, 1.1]) * rng.uniform(0.8, 1.2, 3) * rng.uniform(4, 14)
+        pane = _rectangle(d, centre, rng.uniform(0.2, 0.4), rng.uniform(0.2, 0.45), panes=True)
+        found = np.where(pane[..., None], tint * (0.8 + 0.2 * d[..., 2:]), found)
+    return found
+
+
+def _overcast(d: F64, rng: np.random.Generator) -> F64:
+    up = np.clip(d[..., 2:], 0, 1)
+    sky = np.array([0.8, 0.9, 1.05]) * (0.4 + 0.6 * up)
+    sky = sky * np.clip(1 + 0.35 * waves(d * [1, 1, 3], rng, frequency=3.0)[..., None], 0.3, 2)
+    azimuth, height = rng.uniform(0, 2 * np.pi), rng.uniform(0.5, 1.1)
+    sun = np.array([np.cos(azimuth) * np.cos(height), np.sin(azimuth) * np.cos(height), np.sin(height)])
+    glow = np.exp(-(1 - d @ sun) / 0.04)[..., None] * np.array([1.15, 1.0, 0.8]) * 14
+    ground = rng.uniform([0.15, 0.12, 0.06], [0.3, 0.25, 0.16])
+    return np.where(d[..., 2:] < 0, ground, sky + glow)
 
 
 def _studio(d: F64, rng: np.random.Generator) -> F64:

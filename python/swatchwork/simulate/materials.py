@@ -10,7 +10,7 @@ several decades reproduces it, and truth outside the paper's range runs through 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 
@@ -38,30 +38,57 @@ class Recipe:
 
 def four_materials(seed: int = 0) -> tuple[Recipe, ...]:
     """A plastic, a metal, a glossy paint and a coarse phenolic of random, well separated hues."""
-    rng = np.random.default_rng([seed, 2])
-    hues = (rng.uniform() + np.arange(4) / 4 + rng.uniform(-0.06, 0.06, 4)) % 1
-
-    def colour(hue: float, saturation: float, value: float) -> tuple[float, float, float]:
-        ramp = np.clip(np.abs((hue * 6 + np.array([0.0, 4.0, 2.0])) % 6 - 3) - 1, 0, 1)
-        r, g, b = value * (1 - saturation + saturation * ramp)
-        return float(r), float(g), float(b)
-
-    def white(value: float) -> tuple[float, float, float]:
-        return value, value, value
-
-    def near(value: float) -> float:
-        return float(value * rng.uniform(0.8, 1.25))
-
+    rng, hues = _hues(seed)
+    near = partial(_near, rng)
     return (
-        Recipe("plastic", colour(hues[0], 0.7, 0.5), (Lobe(white(0.8), near(0.06), 0.05),)),
-        Recipe("metal", white(0.0), (Lobe(colour(hues[1], 0.5, 0.9), near(0.14), 0.8),)),
+        Recipe("plastic", _colour(hues[0], 0.7, 0.5), (Lobe(_white(0.8), near(0.06), 0.05),)),
+        Recipe("metal", _white(0.0), (Lobe(_colour(hues[1], 0.5, 0.9), near(0.14), 0.8),)),
         Recipe(
             "paint",
-            colour(hues[2], 0.85, 0.2),
-            (Lobe(white(0.7), near(0.02), 0.04), Lobe(colour(hues[2], 0.6, 0.35), near(0.3), 0.7)),
+            _colour(hues[2], 0.85, 0.2),
+            (Lobe(_white(0.7), near(0.02), 0.04), Lobe(_colour(hues[2], 0.6, 0.35), near(0.3), 0.7)),
         ),
-        Recipe("phenolic", colour(hues[3], 0.8, 0.35), (Lobe(white(0.9), near(0.2), 0.08),)),
+        Recipe("phenolic", _colour(hues[3], 0.8, 0.35), (Lobe(_white(0.9), near(0.2), 0.08),)),
     )
+
+
+def satin_materials(seed: int = 0) -> tuple[Recipe, ...]:
+    """A lacquer, a brushed metal, a glaze over an undercoat and a rubber, of roughness 0.08 to 0.3.
+
+    Lobes this wide vary little over a pixel, so that photographs of a few hundred pixels sample them well.
+    """
+    rng, hues = _hues(seed)
+    near = partial(_near, rng)
+    return (
+        Recipe("lacquer", _colour(hues[0], 0.7, 0.5), (Lobe(_white(0.8), near(0.12), 0.05),)),
+        Recipe("brushed metal", _white(0.0), (Lobe(_colour(hues[1], 0.5, 0.9), near(0.16), 0.8),)),
+        Recipe(
+            "glaze",
+            _colour(hues[2], 0.85, 0.2),
+            (Lobe(_white(0.8), near(0.1), 0.06), Lobe(_colour(hues[2], 0.6, 0.3), near(0.24), 0.7)),
+        ),
+        Recipe("rubber", _colour(hues[3], 0.8, 0.3), (Lobe(_white(0.9), near(0.24), 0.06),)),
+    )
+
+
+def _hues(seed: int) -> tuple[np.random.Generator, F64]:
+    """Four random, well separated hues, and the generator for the rest."""
+    rng = np.random.default_rng([seed, 2])
+    return rng, (rng.uniform() + np.arange(4) / 4 + rng.uniform(-0.06, 0.06, 4)) % 1
+
+
+def _colour(hue: float, saturation: float, value: float) -> tuple[float, float, float]:
+    ramp = np.clip(np.abs((hue * 6 + np.array([0.0, 4.0, 2.0])) % 6 - 3) - 1, 0, 1)
+    r, g, b = value * (1 - saturation + saturation * ramp)
+    return float(r), float(g), float(b)
+
+
+def _white(value: float) -> tuple[float, float, float]:
+    return value, value, value
+
+
+def _near(rng: np.random.Generator, value: float) -> float:
+    return float(value * rng.uniform(0.8, 1.25))
 
 
 def in_basis(recipes: tuple[Recipe, ...], basis: GenericBasis) -> F64:
@@ -77,14 +104,17 @@ def in_basis(recipes: tuple[Recipe, ...], basis: GenericBasis) -> F64:
 
 
 @cache
-def ggx_basis() -> GenericBasis:
-    """The paper's kernels with 85 sigmas from 0.004 to 40: dense and wide enough to hold GGX lobes."""
-    return GenericBasis("ggx-truth", np.geomspace(0.004, 40.0, 85), ("vgroove",), ("lambert",))
+def ggx_basis(masking: str = "vgroove") -> GenericBasis:
+    """The paper's kernels with 85 sigmas from 0.004 to 40: dense and wide enough to hold GGX lobes.
+
+    ``masking`` is ``vgroove`` as in the paper, or ``smith:ALPHA``.
+    """
+    return GenericBasis("ggx-truth", np.geomspace(0.004, 40.0, 85), (masking,), ("lambert",))
 
 
-def in_ggx(recipes: tuple[Recipe, ...]) -> F64:
+def in_ggx(recipes: tuple[Recipe, ...], masking: str = "vgroove") -> F64:
     """The same materials with GGX lobes of alpha = roughness, as weights [N, J, 3] of `ggx_basis`."""
-    basis = ggx_basis()
+    basis = ggx_basis(masking)
     found = np.zeros((len(recipes), basis.kernels, 3))
     for i, recipe in enumerate(recipes):
         _add_diffuse(found[i], recipe, basis)

@@ -50,11 +50,11 @@ class Subject:
 
 def photograph(subject: Subject, camera: Camera, light: Environment, cells: int = 1) -> F32:
     """An image [H, W, 4], RGB premultiplied by coverage; cells x cells shadings of 4 x 4 rays a pixel."""
-    size = camera.width * camera.height
-    image = np.zeros((size, 4))
-    rows_at_once = max(1, (1 << 18) // (camera.width * (cells * RAYS) ** 2))
-    for top in range(0, camera.height, rows_at_once):
-        pixels = np.arange(top * camera.width, min(top + rows_at_once, camera.height) * camera.width)
+    image = np.zeros((camera.width * camera.height, 4))
+    of_mesh = _box(subject.mesh, camera)
+    at_once = max(1, (1 << 18) // (cells * RAYS) ** 2)
+    for first in range(0, len(of_mesh), at_once):
+        pixels = of_mesh[first : first + at_once]
         pixel, share, position, normal, texel = _cells(subject, camera, pixels, cells)
         for start in range(0, len(pixel), CELLS_AT_ONCE):
             part = slice(start, start + CELLS_AT_ONCE)
@@ -62,6 +62,16 @@ def photograph(subject: Subject, camera: Camera, light: Environment, cells: int 
             found = np.concatenate([radiance, np.ones((len(radiance), 1))], axis=1) * share[part, None]
             np.add.at(image, pixel[part], found)
     return image.reshape(camera.height, camera.width, 4).astype(np.float32)
+
+
+def _box(mesh: Mesh, camera: Camera) -> I64:
+    """Pixels of the rectangle that the mesh's vertices span."""
+    uv, _ = camera.project(mesh.vertices)
+    size = [camera.width, camera.height]
+    low = np.clip(np.floor(np.nanmin(uv, axis=0)).astype(int) - 1, 0, size)
+    high = np.clip(np.ceil(np.nanmax(uv, axis=0)).astype(int) + 1, low, size)
+    rows, columns = np.arange(low[1], high[1]), np.arange(low[0], high[0])
+    return np.asarray((rows[:, None] * camera.width + columns).ravel(), dtype=np.int64)
 
 
 def _cells(subject: Subject, camera: Camera, pixels: I64, cells: int) -> tuple[I64, F64, F64, F64, I64]:

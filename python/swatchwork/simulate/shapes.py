@@ -11,7 +11,7 @@ import numpy as np
 from ..arrays import F64, unit
 from ..surface import Mesh
 
-SHAPES = ("sphere", "blob", "knot")
+SHAPES = ("sphere", "peanut", "blob", "knot")
 MARGIN = 0.01
 """Rim of the UV square left empty, for filters."""
 
@@ -19,16 +19,24 @@ MARGIN = 0.01
 def shape(name: str, rows: int = 64) -> Mesh:
     """A shape by name, its grid ``rows`` high.
 
-    ``sphere`` is the unit sphere; ``blob`` two bumpy lobes with a waist, which shadow each other; ``knot`` a
-    trefoil tube, which also hides itself. Normals are exact, not the facets'.
+    ``sphere`` is the unit sphere; ``peanut`` a gently curved shape with a waist; ``blob`` two bumpy lobes
+    with a waist, which shadow each other; ``knot`` a trefoil tube, which also hides itself. Normals are
+    exact, not the facets'.
     """
     if name == "sphere":
         return _star(lambda d: np.ones(len(d)), rows)
+    if name == "peanut":
+        return _star(_peanut_radius, rows)
     if name == "blob":
         return _star(_blob_radius, rows)
     if name == "knot":
         return _knot(rows)
     raise ValueError(f"no shape {name!r}; expected one of {', '.join(SHAPES)}")
+
+
+def _peanut_radius(d: F64) -> F64:
+    dent = np.sin(3 * d[:, 0] + 1) * np.sin(2.5 * d[:, 1] + 0.5) * np.sin(2 * d[:, 2] + 1)
+    return np.asarray(0.55 + 0.42 * d[:, 0] ** 2 + 0.05 * dent, dtype=np.float64)
 
 
 def _blob_radius(d: F64) -> F64:

@@ -35,6 +35,8 @@ def read_obj(path: Path) -> tuple[F64, I64, F64 | None, F64 | None]:
                     rows[words[0]].append(words[1:4])
                 elif words[0] == "f":
                     polygon = [_corner(word, rows) for word in words[1:]]
+                    if len(polygon) < 3:
+                        raise ValueError(f"a face of {len(polygon)} corners")
                     for i in range(1, len(polygon) - 1):
                         corners += (polygon[0], polygon[i], polygon[i + 1])
         number = 0

@@ -37,12 +37,12 @@ def uv_problem(mesh: Mesh) -> str | None:
     area = np.linalg.norm(mesh.crosses, axis=1)
     lost = area[uv_doubled_areas(mesh) <= 1e-14].sum() / area.sum()
     if lost > TOLERATED:
-        return f"{100 * lost:.2g} % of the surface has no UV area"
+        return f"{100 * lost:.3g} % of the surface has no UV area"
     _, row, col = covered_centres(mesh.uv, mesh.faces, RASTER)
     times = np.bincount(row * RASTER + col, minlength=1)
     twice = (times > 1).sum() / max((times > 0).sum(), 1)
     if twice > TOLERATED:
-        return f"{100 * twice:.2g} % of the used UV area is used more than once"
+        return f"the UVs overlap: {100 * twice:.3g} % of the area used is used more than once"
     return None
 
 

@@ -17,7 +17,15 @@ from ..reconstruct import Reconstruction
 from ..relight import RelitScene, render
 from ..surface import padded
 from .costs import StageCost
-from .pictures import ERROR_SCALE, blend_picture, compare_pictures, coverage_picture, map_pictures, spheres
+from .pictures import (
+    ERROR_SCALE,
+    at_page_size,
+    blend_picture,
+    compare_pictures,
+    coverage_picture,
+    map_pictures,
+    spheres,
+)
 
 SHOWN_VIEWS = 3
 
@@ -35,9 +43,9 @@ def reconstruction_report(
     scene = relit(found)
     views, exposures = [], []
     for frame in chosen:
-        photograph = read_photograph(frame)
+        photograph, camera = at_page_size(read_photograph(frame), frame.camera, found.mesh)
         light = environment_of(found, capture, frame)
-        rendered = render(scene, frame.camera, light)
+        rendered = render(scene, camera, light, samples=1)
         comparison, exposure = compare_pictures(
             frame.name, photograph.radiance, photograph.alpha, rendered, valid=photograph.valid
         )

@@ -4,17 +4,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import cv2
 import numpy as np
 
 from .. import report as page
 from ..arrays import F32, F64, U8, Bool, unit
-from ..capture import Camera
+from ..capture import Camera, Photograph
 from ..light import Environment
 from ..material import Material, material_maps
 from ..reflectance import GenericBasis
 from ..response import representative_responses
+from ..surface import Mesh
 
-PICTURE_PX = 420
+PICTURE_PX = 360
 SPHERE_PX = 168
 MAP_PX = 512
 ERROR_SCALE = 0.3
@@ -58,14 +62,47 @@ def compare_pictures(
     return comparison, exposure
 
 
+def at_page_size(photograph: Photograph, camera: Camera, mesh: Mesh) -> tuple[Photograph, Camera]:
+    """A photograph and its camera, area-averaged until the object is no wider than the page shows it."""
+    uv, depth = camera.project(mesh.vertices)
+    side = float(np.ptp(uv, axis=0).max()) if (depth > 0).all() else max(camera.width, camera.height)
+    scale = PICTURE_PX / (1.1 * side) if np.isfinite(side) else 1.0
+    if scale >= 1:
+        return photograph, camera
+    width, height = round(camera.width * scale), round(camera.height * scale)
+    x, y = width / camera.width, height / camera.height
+
+    def smaller(image: F32) -> F32:
+        return np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA), dtype=np.float32)
+
+    small = Photograph(
+        np.nan_to_num(smaller(np.where(photograph.valid[..., None], photograph.radiance, 0))),
+        smaller(photograph.alpha),
+        smaller(photograph.valid.astype(np.float32)) > 0.999,
+    )
+    return small, replace(
+        camera,
+        width=width,
+        height=height,
+        fx=camera.fx * x,
+        fy=camera.fy * y,
+        cx=camera.cx * x,
+        cy=camera.cy * y,
+    )
+
+
 def spheres(
     basis: GenericBasis, material: Material, camera: Camera, light: Environment, exposure: float
 ) -> tuple[page.Picture, ...]:
     """Each representative on an unshadowed sphere, seen from afar along the camera's axis."""
-    axis = (np.arange(SPHERE_PX * 2) + 0.5) / SPHERE_PX - 1
+    axis = (np.arange(SPHERE_PX) + 0.5) / (SPHERE_PX / 2) - 1
     x, y = np.meshgrid(axis, -axis)
-    inside = x**2 + y**2 < 1
-    n_in_camera = unit(np.stack([x, y, np.sqrt(np.maximum(1 - x**2 - y**2, 0))], axis=-1)[inside])
+    r = np.hypot(x, y)
+    # Coverage falls from 1 to 0 over the pixel at the rim; shading is one sample a pixel.
+    alpha = np.clip((1 - r) * SPHERE_PX / 2 + 0.5, 0, 1)
+    inside, shrunk = alpha > 0, np.minimum(1, 0.999 / np.maximum(r, 1e-9))
+    x, y = x * shrunk, y * shrunk
+    n_in_camera = unit(np.stack([x, y, np.sqrt(1 - x**2 - y**2)], axis=-1)[inside])
     world_from_camera: F64 = camera.world_from_camera[:3, :3]
     normal = np.asarray(n_in_camera @ world_from_camera.T, dtype=np.float32)
     viewer = np.ascontiguousarray(np.broadcast_to(world_from_camera[:, 2], normal.shape), dtype=np.float32)
@@ -74,8 +111,7 @@ def spheres(
     pictures = []
     for i in range(material.N):
         pixels = np.zeros((*inside.shape, 4), dtype=np.float32)
-        pixels[inside, :3], pixels[inside, 3] = shaded[:, i], 1
-        pixels = pixels.reshape(SPHERE_PX, 2, SPHERE_PX, 2, 4).mean(axis=(1, 3))
+        pixels[inside, :3], pixels[..., 3] = shaded[:, i] * alpha[inside, None], alpha
         caption = f"{i + 1}: {100 * share[i]:.0f} % of the surface"
         pictures.append(page.Picture(caption, page.display(pixels[..., :3], pixels[..., 3], exposure)))
     return tuple(pictures)
