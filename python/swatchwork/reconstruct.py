@@ -12,10 +12,10 @@ from scipy.spatial import cKDTree
 from .arrays import F32, F64, U32
 from .capture import Capture
 from .errors import InputError
-from .observe import Observations, Rendering, environments_of, observe, stratified
+from .observe import Observations, Rendering, Weighting, environments_of, observe, stratified
 from .progress import SILENT, Progress
 from .reflectance import GenericBasis, basis_by_name
-from .solve import Problem, Solution, SolveOptions, blend, solve
+from .solve import Problem, Search, Solution, SolveOptions, blend, solve
 from .surface import (
     Mesh,
     RayScene,
@@ -41,6 +41,8 @@ class ReconstructOptions:
     """Texels that the search for n, N and the representatives runs on; every texel is blended after."""
     solve: SolveOptions = field(default_factory=SolveOptions)
     seed: int = 0
+    weighting: Weighting = "projected"
+    """Weights of measurements: by projected area, or `equal` as in the paper's Eq. 5."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +79,7 @@ def reconstruct(
         sky = sky_masks(scene, atlas, progress=progress)
     with progress.stage("observe"):
         observations = observe(capture, atlas, scene, progress=progress)
-        rendering = Rendering(observations, *environments_of(capture), sky)
+        rendering = Rendering(observations, *environments_of(capture), sky, options.weighting)
     with progress.stage("respond"):
         subset = rendering.pairs(stratified(observations, options.texels, options.seed))
         responses = rendering.generic(basis, subset)
@@ -85,7 +87,7 @@ def reconstruct(
         problem = Problem(responses, subset.radiance, subset.offsets)
         solution = solve(problem, options.solve, progress)
     with progress.stage("blend"):
-        found = blend_every_texel(rendering, basis, solution, progress)
+        found = blend_every_texel(rendering, basis, solution, options.solve.search, progress)
     return Reconstruction(mesh, scene, observations, rendering, basis, solution, *found)
 
 
@@ -100,7 +102,11 @@ def surface_of(capture: Capture, resolution: int | None) -> tuple[Mesh, RayScene
 
 
 def blend_every_texel(
-    rendering: Rendering, basis: GenericBasis, solution: Solution, progress: Progress = SILENT
+    rendering: Rendering,
+    basis: GenericBasis,
+    solution: Solution,
+    search: Search = "exact",
+    progress: Progress = SILENT,
 ) -> tuple[U32, F32, F32]:
     """Blend all texels (Eq. 12) by tiles; one that no view sees takes the blend of the nearest seen."""
     observations = rendering.observations
@@ -113,7 +119,7 @@ def blend_every_texel(
         for tile in rendering.tiles(seen, PAIRS_AT_ONCE):
             pairs = rendering.pairs(tile)
             responses = rendering.representatives(basis, representatives, pairs)
-            best = blend(responses, pairs.radiance, pairs.offsets, n)
+            best = blend(responses, pairs.radiance, pairs.offsets, n, search=search)
             index[tile], weight[tile] = best.sparse(n)
             residual[tile] = rendering.relative_error(pairs, best.squared_error)
             task.advance(len(tile))

@@ -37,6 +37,13 @@ class SearchOrder(StrEnum):
     paper = "paper"
 
 
+class Weighting(StrEnum):
+    """How measurements are weighted."""
+
+    projected = "projected"
+    equal = "equal"
+
+
 MATERIALS = "How many materials"
 SEARCH = "The search"
 OUTPUT = "What is said"
@@ -131,6 +138,13 @@ def reconstruct(
         SearchOrder,
         typer.Option(help="Walk over n and N: ours, or the paper's loops exactly.", rich_help_panel=SEARCH),
     ] = SearchOrder.default,
+    weighting: Annotated[
+        Weighting,
+        typer.Option(
+            help="Weigh a measurement by the pixels its texel covers, or all alike as published.",
+            rich_help_panel=SEARCH,
+        ),
+    ] = Weighting.projected,
     texels: Annotated[
         int,
         typer.Option(
@@ -175,7 +189,7 @@ def reconstruct(
         search_order=search_order.value,
         seed=seed,
     )
-    options = ReconstructOptions(resolution, basis.value, texels, solve, seed)
+    options = ReconstructOptions(resolution, basis.value, texels, solve, seed, weighting.value)
     with session(as_json=as_json, quiet=quiet, verbose=verbose) as run:
         summary = reconstruct_folder(capture, output, options, views=views, progress=run.progress)
         run.say(summary.in_words())
