@@ -13,7 +13,7 @@ from scipy.optimize import minimize, nnls
 from swatchwork import _native
 from swatchwork.errors import InputError
 from swatchwork.simulate import SyntheticProblem, two_of_four
-from swatchwork.solve import Problem, SolveOptions, alternate, blend, solve
+from swatchwork.solve import Blend, Problem, SolveOptions, alternate, blend, solve
 
 
 def best_by_enumeration(s: np.ndarray, s_hat: np.ndarray, n: int) -> float:
@@ -113,7 +113,7 @@ def test_normal_equations_are_the_sums_they_stand_for(small: SyntheticProblem) -
 def test_representatives_match_an_independent_solver(noise: float) -> None:
     truth = two_of_four(k=4, seed=2, texels=150, noise_percent=100 * noise)
     problem, weights = Problem(truth.responses, truth.radiance, truth.offsets), dense(truth)
-    representatives, value = problem.representatives(weights)
+    representatives, value, _ = problem.representatives(weights)
     assert representatives.min() >= 0
     texel = np.repeat(np.arange(problem.texels), np.diff(truth.offsets))
     scale = np.sqrt(problem.gamma)[texel]
@@ -212,3 +212,16 @@ def test_problems_that_say_nothing_are_refused() -> None:
     responses[1, 2, 0] = np.nan
     with pytest.raises(ValueError, match="responses: value NaN"):
         Problem(responses, np.ones((4, 3), np.float32), np.array([0, 2, 4]))
+
+
+@pytest.mark.parametrize("order", ["default", "paper"])
+def test_a_fixed_n_never_exceeds_the_representatives_found(order: str) -> None:
+    truth = two_of_four(k=4, seed=5, texels=120, materials=2, blended=1)
+    problem = Problem(truth.responses, truth.radiance, truth.offsets)
+    solution = solve(problem, SolveOptions(n=3, max_N=4, search_order=order))
+    assert solution.n <= solution.N
+    index, weight = Blend(solution.weights, np.zeros(problem.texels), 0).sparse(4)
+    assert index.shape == weight.shape == (problem.texels, 4)
+    np.testing.assert_allclose(weight.sum(axis=1), 1, atol=1e-6)
+    with pytest.raises(InputError, match="n = 3 is more than max_N = 2"):
+        SolveOptions(n=3, max_N=2)

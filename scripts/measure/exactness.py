@@ -214,7 +214,7 @@ def representative_problem(N: int, noise_percent: float, kind: str, seed: int) -
     chosen = np.argsort(rng.random((problem.texels, N)), axis=1)[:, : min(2, N)]
     share = rng.dirichlet(np.full(chosen.shape[1], 1.0 if kind == "random" else 0.1), problem.texels)
     np.put_along_axis(weights, chosen, share, axis=1)
-    _, value = problem.representatives(weights)
+    value = problem.representatives(weights).data
     texel = np.repeat(np.arange(problem.texels), np.diff(truth.offsets))
     scale = np.sqrt(problem.gamma)[texel]
     by_nnls, by_bvls = 0.0, 0.0

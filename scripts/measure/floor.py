@@ -76,7 +76,7 @@ def fitted(capture: Capture, truth: TrueWeights, options: ReconstructOptions) ->
     centre = np.stack([atlas.col[texels] + 0.5, resolution - (atlas.row[texels] + 0.5)], axis=-1) / resolution
     weights = dense_weights(*truth.at(centre), truth.materials)
     problem = Problem(rendering.generic(basis_by_name(options.basis), pairs), pairs.radiance, pairs.offsets)
-    return mesh, problem.representatives(weights)[0]
+    return mesh, problem.representatives(weights).representatives
 
 
 def true_material(mesh: Mesh, representatives: np.ndarray, truth: TrueWeights, basis: str) -> Material:

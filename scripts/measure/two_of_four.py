@@ -77,7 +77,7 @@ def lights(data: Path | None) -> dict[str, Environment]:
 def floor(truth: SyntheticProblem, problem: Problem) -> float:
     """Novel-light NRMS of the representatives fitted with the true weights."""
     weights = dense_weights(truth.truth_index, truth.truth_weight, len(truth.truth_representatives))
-    representatives, _ = problem.representatives(weights)
+    representatives = problem.representatives(weights).representatives
     return truth.novel(representatives, truth.truth_index, truth.truth_weight)
 
 

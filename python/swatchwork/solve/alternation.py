@@ -59,7 +59,7 @@ def alternate(
     trail: list[float] = []
     squared_error = np.zeros(problem.texels)
     for count in range(1, most + 1):
-        fitted, _ = problem.representatives(weights, representatives)
+        fitted, _, solved = problem.representatives(weights, representatives)
         if representatives is not None:
             idle = weights.sum(axis=0) <= 0
             fitted[idle] = representatives[idle]
@@ -77,8 +77,8 @@ def alternate(
         data = problem.mean(squared_error)
         trail.append(data)
         if data < PERFECT:
-            return Alternation(representatives, weights, squared_error, data, count, True)
+            return Alternation(representatives, weights, squared_error, data, count, solved)
         if count > WINDOW and trail[-1 - WINDOW] - data < WINDOW * tolerance * data:
-            return Alternation(representatives, weights, squared_error, data, count, True)
+            return Alternation(representatives, weights, squared_error, data, count, solved)
     assert representatives is not None
     return Alternation(representatives, weights, squared_error, data, most, False)

@@ -12,7 +12,8 @@ import numpy as np
 
 from ..arrays import F64, Bool
 from .alternation import Alternation, alternate
-from .blending import Search, blend
+from .blending import Blend, blend
+from .options import SolveOptions
 from .problem import Problem
 
 WORST_SHARES = (0.5, 0.2, 0.05)
@@ -24,13 +25,13 @@ CONTENDERS = 2
 """Representatives whose removal is tried."""
 
 
-def start(problem: Problem, n: int, search: Search) -> Alternation:
+def start(problem: Problem, n: int, options: SolveOptions) -> Alternation:
     """N = 1: one representative for all texels (section 4, Initialization)."""
-    return alternate(problem, n, weights=np.ones((problem.texels, 1)), search=search, most=1)
+    return _trial(problem, n, np.ones((problem.texels, 1)), None, options, most=1)
 
 
 def with_new(
-    problem: Problem, model: Alternation, chosen: Bool, *, shared: bool, n: int, search: Search
+    problem: Problem, model: Alternation, chosen: Bool, *, shared: bool, n: int, options: SolveOptions
 ) -> tuple[F64, F64]:
     """Weights and representatives with one more, fitted to the chosen texels alone.
 
@@ -39,48 +40,60 @@ def with_new(
             their weight (section 4).
     """
     alone = chosen.astype(np.float64)[:, None]
-    newcomer, _ = problem.representatives(alone)
+    newcomer = problem.representatives(alone).representatives
     representatives = np.concatenate([model.representatives, newcomer])
     if shared:
-        step = blend(problem.fold(representatives), problem.radiance, problem.offsets, n, search=search)
-        return step.weights, representatives
+        return _blended(problem, representatives, n, options).weights, representatives
     kept = np.where(chosen[:, None], 0.0, model.weights)
     return np.concatenate([kept, alone], axis=1), representatives
 
 
-def grow(problem: Problem, model: Alternation, n: int, search: Search) -> Alternation:
+def grow(problem: Problem, model: Alternation, n: int, options: SolveOptions) -> Alternation:
     """The best of several ways to add a representative, after a few alternations."""
     error = problem.gamma * model.squared_error
     trials = []
     for share in WORST_SHARES:
         chosen = error >= np.quantile(error, 1.0 - share)
         for shared in (False, True):
-            weights, representatives = with_new(problem, model, chosen, shared=shared, n=n, search=search)
-            trials.append(
-                alternate(
-                    problem, n, weights=weights, representatives=representatives, search=search, most=TRIAL
-                )
-            )
+            weights, representatives = with_new(problem, model, chosen, shared=shared, n=n, options=options)
+            trials.append(_trial(problem, n, weights, representatives, options))
     return min(trials, key=lambda trial: trial.data)
 
 
-def shrink(problem: Problem, model: Alternation, n: int, search: Search) -> Alternation:
+def shrink(problem: Problem, model: Alternation, n: int, options: SolveOptions) -> Alternation:
     """The best of several ways to do with one representative fewer, after a few alternations."""
     missed = []
     for i in range(model.N):
         rest = np.delete(model.representatives, i, axis=0)
-        step = blend(problem.fold(rest), problem.radiance, problem.offsets, n, search=search)
+        step = _blended(problem, rest, n, options)
         missed.append((problem.mean(step.squared_error), i, step.weights))
     missed.sort(key=lambda entry: entry[:2])
     trials = [
-        alternate(
-            problem,
-            n,
-            weights=weights,
-            representatives=np.delete(model.representatives, i, axis=0),
-            search=search,
-            most=TRIAL,
-        )
+        _trial(problem, n, weights, np.delete(model.representatives, i, axis=0), options)
         for _, i, weights in missed[:CONTENDERS]
     ]
     return min(trials, key=lambda trial: trial.data)
+
+
+def _blended(problem: Problem, representatives: F64, n: int, options: SolveOptions) -> Blend:
+    folded = problem.fold(representatives)
+    return blend(folded, problem.radiance, problem.offsets, n, search=options.search, seed=options.seed)
+
+
+def _trial(
+    problem: Problem,
+    n: int,
+    weights: F64,
+    representatives: F64 | None,
+    options: SolveOptions,
+    most: int = TRIAL,
+) -> Alternation:
+    return alternate(
+        problem,
+        n,
+        weights=weights,
+        representatives=representatives,
+        search=options.search,
+        most=most,
+        seed=options.seed,
+    )

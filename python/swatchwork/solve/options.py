@@ -41,7 +41,7 @@ class SolveOptions:
     max_alternations: int = 200
     """Most alternations for one (n, N)."""
     seed: int = 0
-    """Of the pruned search's sample."""
+    """Of the sample of texels that the pruned blend search starts from."""
 
     def __post_init__(self) -> None:
         for name in ("n", "N", "max_n", "max_N", "max_alternations", "explore_texels"):
@@ -56,6 +56,11 @@ class SolveOptions:
             raise InputError(
                 f"n = {self.n} is more than N = {self.N}",
                 expected="no more representatives blended at a texel than there are",
+            )
+        if self.n is not None and self.N is None and self.n > self.max_N:
+            raise InputError(
+                f"n = {self.n} is more than max_N = {self.max_N}",
+                expected="room for as many representatives as a texel is to blend",
             )
         for name in ("lambda0", "lambda1"):
             value = getattr(self, name)

@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from .. import _native
@@ -13,6 +15,17 @@ from ..errors import InputError
 DARK = 0.02
 """A texel darker than this share of the median texel's root-mean-square radiance counts as that dark in
 its relative error: near-black texels carry noise, not reflectance, and would outvote the rest."""
+
+
+class Fitted(NamedTuple):
+    """What the representative step found."""
+
+    representatives: F64
+    """[N, J, 3]"""
+    data: float
+    """Data term of Eq. 5."""
+    converged: bool
+    """Whether the active-set iterations ended at the optimum."""
 
 
 class Problem:
@@ -67,16 +80,13 @@ class Problem:
         offsets = np.concatenate([[0], np.cumsum(np.diff(self.offsets)[kept])])
         return Problem(self.responses[pairs], self.radiance[pairs], offsets)
 
-    def representatives(self, weights: F64, start: F64 | None = None) -> tuple[F64, float]:
-        """Optimal representatives [N, J, 3] for weights [M, N] (Eqs. 6, 7), and the data term of Eq. 5."""
+    def representatives(self, weights: F64, start: F64 | None = None) -> Fitted:
+        """Optimal representatives for blend weights [M, N] (Eqs. 6, 7), from ``start`` [N, J, 3]."""
         if start is None:
             start = np.zeros((weights.shape[1], self.kernels, 3))
-        representatives, value, converged = self._native.representatives(
-            np.ascontiguousarray(weights), np.ascontiguousarray(start)
+        return Fitted(
+            *self._native.representatives(np.ascontiguousarray(weights), np.ascontiguousarray(start))
         )
-        if not converged:
-            raise RuntimeError("the representative step reached its iteration limit")
-        return representatives, value
 
     def fold(self, representatives: F64) -> F32:
         """Responses [P, N, 3] of representatives [N, J, 3] (Eq. 14)."""

@@ -11,10 +11,10 @@ import numpy as np
 from ..progress import Task
 from .alternation import Alternation, alternate
 from .blending import blend
-from .options import SolveOptions
+from .options import MOST_REPRESENTATIVES, SolveOptions
 from .penalties import Penalties
 from .problem import Problem
-from .solution import Step
+from .solution import Move, Step
 
 COARSE = 5.0
 """The tolerance of alternations on the way, over that of the last refinement."""
@@ -28,9 +28,11 @@ class Run:
     options: SolveOptions
     penalties: Penalties
     task: Task
+    ahead: float = 0.0
+    """Steps of the task's total that are left."""
     history: list[Step] = field(default_factory=list)
 
-    def settle(self, model: Alternation, n: int, move: str, coarse: float = COARSE) -> Alternation:
+    def settle(self, model: Alternation, n: int, move: Move, coarse: float = COARSE) -> Alternation:
         """Alternate to convergence from a model, and write down where it ended.
 
         A model of another problem (thinned, or with more texels) starts from its representatives.
@@ -39,7 +41,9 @@ class Run:
         weights = model.weights
         if len(weights) != problem.texels:
             folded = problem.fold(model.representatives)
-            weights = blend(folded, problem.radiance, problem.offsets, n, search=options.search).weights
+            weights = blend(
+                folded, problem.radiance, problem.offsets, n, search=options.search, seed=options.seed
+            ).weights
         settled = alternate(
             problem,
             n,
@@ -53,14 +57,22 @@ class Run:
         self.note(settled, n, move)
         return settled
 
-    def note(self, model: Alternation, n: int, move: str) -> None:
+    def note(self, model: Alternation, n: int, move: Move) -> None:
         self.penalties.observe(model.data, n, model.N)
         self.history.append(
             Step(n, model.N, move, model.count, model.data, self.penalties.objective(model.data, n, model.N))
         )
         error = 100 * np.sqrt(model.data)
         self.task.describe(f"n = {n}, N = {model.N}: relative error {error:.2g} %")
-        self.task.advance(model.count)
+        # The number of models is not known beforehand: the bar slows down towards its end.
+        step = min(1.0, self.ahead / 8)
+        self.ahead -= step
+        self.task.advance(step)
+
+    def finish(self) -> None:
+        """Fill the progress bar."""
+        self.task.advance(self.ahead)
+        self.ahead = 0.0
 
     def objective(self, model: Alternation, n: int) -> float:
         return self.penalties.objective(model.data, n, model.N)
@@ -68,7 +80,7 @@ class Run:
     @property
     def most_representatives(self) -> int:
         """Where growth ends: two above a fixed N, so that shrinking arrives there too."""
-        return self.options.N + 2 if self.options.N else self.options.max_N
+        return min(self.options.N + 2, MOST_REPRESENTATIVES) if self.options.N else self.options.max_N
 
     def least(self, n: int) -> int:
         """The fewest representatives that growth has to reach."""

@@ -33,6 +33,9 @@ HOPELESS = 1.3
 """An objective this many times the best is not improved upon by shrinking further."""
 NEAR_PERFECT = 100 * PERFECT
 
+EXPECTED_MODELS = 48
+"""Models that a search with n up to 3 settles, about: the scale of its progress bar."""
+
 Table = dict[tuple[int, int], Alternation]
 """The best model found for each (n, N)."""
 
@@ -45,9 +48,10 @@ def solve(problem: Problem, options: SolveOptions | None = None, progress: Progr
     """
     options = options or SolveOptions()
     penalties = Penalties(problem.measurements, options.lambda0, options.lambda1)
-    with progress.stage("solve") as task:
-        run = Run(problem, options, penalties, task)
+    with progress.stage("solve", EXPECTED_MODELS) as task:
+        run = Run(problem, options, penalties, task, EXPECTED_MODELS)
         n, model = paper_order(run) if options.search_order == "paper" else _explore_and_refine(run)
+        run.finish()
     return Solution(
         representatives=model.representatives,
         weights=model.weights,
@@ -59,7 +63,7 @@ def solve(problem: Problem, options: SolveOptions | None = None, progress: Progr
         lambda0=penalties.lambda0,
         lambda1=penalties.lambda1,
         noise=float(penalties.variance) ** 0.5,
-        status="converged" if model.converged else "alternation limit",
+        status="converged" if model.converged else "iteration limit",
         history=run.history,
     )
 
@@ -74,7 +78,7 @@ def _explore_and_refine(run: Run) -> tuple[int, Alternation]:
     run.problem = whole
     model = run.settle(model, n, "refine", coarse=1.0)
     while run.options.N is None and run.most_representatives > model.N and model.data > NEAR_PERFECT:
-        larger = run.settle(moves.grow(whole, model, n, run.options.search), n, "grow", coarse=1.0)
+        larger = run.settle(moves.grow(whole, model, n, run.options), n, "grow", coarse=1.0)
         if run.objective(larger, n) >= run.objective(model, n):
             break
         model = larger
@@ -87,7 +91,7 @@ def up_down_and_across(run: Run) -> tuple[int, Alternation]:
     options = run.options
     # One weight for each view beyond the first: a texel seen once has none to spare for a blend.
     views = float(run.problem.measurements.mean()) / 3
-    last = options.n or max(1, min(options.max_n, ceil(views)))
+    last = options.n or max(1, min(options.max_n, options.N or options.max_N, ceil(views)))
     for n in range(options.n or 1, last + 1):
         _ladder(run, table, n)
         # A fixed n is helped by the models of n + 1 held down to it.
@@ -107,9 +111,9 @@ def up_down_and_across(run: Run) -> tuple[int, Alternation]:
 
 
 def _best(run: Run, table: Table) -> tuple[int, int]:
-    """(n, N) of the least objective, among those the options leave open."""
+    """(n, N) of the least objective, among those the options leave open; no n above N."""
     n, N = run.options.n, run.options.N
-    eligible = [key for key in table if n in (None, key[0]) and N in (None, key[1])]
+    eligible = [key for key in table if key[0] <= key[1] and n in (None, key[0]) and N in (None, key[1])]
     return min(eligible, key=lambda key: run.objective(table[key], key[0]))
 
 
@@ -124,20 +128,20 @@ def _keep(table: Table, n: int, model: Alternation) -> bool:
 
 def _ladder(run: Run, table: Table, n: int) -> None:
     """Grow from one representative until that stops paying, and shrink from there."""
-    problem, search = run.problem, run.options.search
-    model = moves.start(problem, n, search)
+    problem, options = run.problem, run.options
+    model = moves.start(problem, n, options)
     run.note(model, n, "start")
     _keep(table, n, model)
     in_vain = 0
     while run.most_representatives > model.N and (in_vain < PATIENCE or run.least(n) > model.N):
-        larger = run.settle(moves.grow(problem, model, n, search), n, "grow")
+        larger = run.settle(moves.grow(problem, model, n, options), n, "grow")
         in_vain = 0 if larger.data < WORTHWHILE * model.data else in_vain + 1
         model = larger
         _keep(table, n, model)
         if model.data < NEAR_PERFECT and run.least(n) <= model.N:
             break
     while max(1, run.least(n) - 1) < model.N:
-        smaller = run.settle(moves.shrink(problem, table[n, model.N], n, search), n, "shrink")
+        smaller = run.settle(moves.shrink(problem, table[n, model.N], n, options), n, "shrink")
         gained = _keep(table, n, smaller)
         # Further down lie models that lost already.
         behind = run.objective(smaller, n) / run.objective(table[_best_of(run, table, n)], n)

@@ -9,7 +9,8 @@ from typing import Any, Literal
 
 from ..arrays import F64
 
-Status = Literal["converged", "alternation limit"]
+Status = Literal["converged", "iteration limit"]
+Move = Literal["start", "grow", "shrink", "hold", "refine"]
 
 
 @dataclass(frozen=True)
@@ -18,8 +19,8 @@ class Step:
 
     n: int
     N: int
-    move: str
-    """What led there: start, grow, shrink, relax or refine."""
+    move: Move
+    """What led there; `hold` is a model of n + 1 held down to n."""
     alternations: int
     data: float
     """Data term of Eq. 5, a mean over texels of squared relative errors."""
