@@ -18,13 +18,20 @@ import numpy as np
 
 from ..capture import Capture, read_capture
 from ..errors import CaptureWarning
-from ..material import BasisRecord, Material, whole_folder, write_material
+from ..material import BasisRecord, Material, normal_albedo, whole_folder, write_material
 from ..progress import SILENT, Progress
 from ..reconstruct import Reconstruction, ReconstructOptions, reconstruct
 from ..report import Report, write_report
 from ..surface import padded
 from .costs import CostRecorder, StageCost
 from .pages import reconstruction_report
+
+
+BRIGHTEST_ALBEDO = 1.05
+"""Directional albedo at normal incidence above which exposures are in doubt; the excess is room for noise."""
+
+CARRIED_SHARE = 0.01
+"""Share of the blend weight from which a representative counts: rare ones rest on too few measurements."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +124,7 @@ def recover(
         found = reconstruct(capture, options, costs)
         with costs.stage("write"):
             material = material_of(found, capture)
-
+            warn_of_bright_materials(material, capture)
             summary = summarise(found, capture, output, start, costs.costs)
             report = reconstruction_report(found, capture, material, costs.costs, said, summary.as_dict())
 
@@ -187,9 +194,32 @@ def material_of(found: Reconstruction, capture: Capture) -> Material:
         normals=found.mesh.normals,
         uv=found.mesh.uv,
         penalties={"lambda0": solution.lambda0, "lambda1": solution.lambda1},
-        solver=solution.summary(),
+        solver=solution.summary() | {"weighting": found.rendering.weighting},
         inputs=fingerprints(capture),
     )
+
+
+def warn_of_bright_materials(material: Material, capture: Capture) -> None:
+    """Warn of representatives that reflect more light than they receive.
+
+    Warns:
+        CaptureWarning: some representative that carries at least 1 % of the blend weight has a directional
+            albedo at normal incidence above 1.05 in a channel.
+    """
+    weight = material.weight[material.on_atlas].astype(np.float64)
+    index = material.index[material.on_atlas].astype(np.int64)
+    carried = np.bincount(index.ravel(), weight.ravel(), minlength=material.N)
+    share = carried / max(carried.sum(), 1e-30)
+    albedo = np.einsum("j,njc->nc", normal_albedo(material.basis), material.representatives)
+    bright = np.flatnonzero((share >= CARRIED_SHARE) & (albedo.max(axis=1) > BRIGHTEST_ALBEDO))
+    if len(bright):
+        each = ", ".join(f"{i} (albedo {albedo[i].max():.2f}, {100 * share[i]:.0f} % of it)" for i in bright)
+        message = (
+            f"{capture.file}: the object reflects more light at normal incidence than it receives: "
+            f"representative {each}; expected albedos up to 1. Check that photographs and environment have "
+            "one exposure and unit: the frames' exposure values, and the light probe's scale and its sun."
+        )
+        warnings.warn(CaptureWarning(message), stacklevel=3)
 
 
 def fingerprints(capture: Capture) -> dict[str, str]:
