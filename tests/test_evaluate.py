@@ -166,6 +166,26 @@ def test_another_size_is_an_error(tmp_path: Path) -> None:
         compare(renders, references)
 
 
+def test_a_reference_without_foreground_is_an_error(tmp_path: Path) -> None:
+    renders, references = write_pair(tmp_path)
+    write_exr(references / "0002.exr", np.zeros((24, 24, 4), np.float32))
+    with pytest.raises(InputError, match=r"0002\.exr has no pixel to compare"):
+        compare(renders, references)
+
+
+def test_a_foreground_that_erodes_away_has_no_score(tmp_path: Path) -> None:
+    renders, references = write_pair(tmp_path)
+    thin = np.zeros((24, 24, 4), np.float32)
+    thin[10:13, 10:13] = 1
+    write_exr(references / "0002.exr", thin)
+    found = compare(renders, references)
+    assert found.frames[1].pixels == 9 and math.isfinite(found.frames[1].nrms)
+    for key in ("psnr_h", "psnr_l", "ssim", "ssim_11"):
+        assert math.isnan(getattr(found.frames[1], key))
+        assert getattr(found, key) == getattr(found.frames[0], key)
+        assert found.as_dict()["frames"][1][key] is None
+
+
 def test_folders_without_images_are_errors(tmp_path: Path) -> None:
     renders, references = write_pair(tmp_path)
     with pytest.raises(InputError, match="no such folder"):

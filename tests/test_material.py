@@ -147,6 +147,20 @@ def test_a_full_disk_leaves_the_old_material_and_nothing_else(
         assert [p.name for p in tmp_path.iterdir()] == ["out"]
 
 
+def test_only_errors_of_writing_are_said_to_be_such(tmp_path: Path) -> None:
+    def read_elsewhere(fresh: Path) -> None:
+        (tmp_path / "no-such-input").read_bytes()
+
+    def write_inside(fresh: Path) -> None:
+        (fresh / "no-such-folder" / "file").write_bytes(b"")
+
+    with pytest.raises(FileNotFoundError, match="no-such-input"):
+        write_material(tmp_path / "out", example(), read_elsewhere)
+    with pytest.raises(OutputError, match="out: cannot be written"):
+        write_material(tmp_path / "out", example(), write_inside)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_an_interrupt_leaves_the_old_material(tmp_path: Path) -> None:
     write_material(tmp_path / "out", example(1))
 

@@ -210,9 +210,22 @@ def test_a_silhouette_that_disagrees_is_warned_of() -> None:
     picture = photograph(scene, beside, smooth)
     with pytest.warns(CaptureWarning, match=r"images/0.exr.*overlap by 0\.7"):
         observe(capture_of(camera), atlas, scene, read=lambda _: picture)
-    mask = replace(picture, valid=picture.alpha > 0.5, alpha=np.ones_like(picture.alpha))
+    shown = picture.alpha > 0.5
+    mask = replace(picture, valid=shown, mask=shown, alpha=np.ones_like(picture.alpha))
     with pytest.warns(CaptureWarning, match="silhouette"):
         observe(capture_of(camera, mask=Path("mask.png")), atlas, scene, read=lambda _: mask)
+
+
+def test_clipped_highlights_are_no_disagreement_of_silhouettes() -> None:
+    mesh = ball((0, 0, 0), 1.0, 0.0)
+    scene, atlas, camera = RayScene([mesh]), build_atlas(mesh, 64), camera_at((4.0, 0.0, 0.0))
+    picture = photograph(scene, camera, smooth)
+    shown = picture.alpha > 0.5
+    unclipped = shown.copy()
+    unclipped[60:100, 60:100] = False
+    clipped = replace(picture, valid=unclipped, mask=shown, alpha=np.ones_like(picture.alpha))
+    # A CaptureWarning would be an error here.
+    observe(capture_of(camera, mask=Path("mask.png")), atlas, scene, read=lambda _: clipped)
 
 
 def test_a_rendered_capture_is_registered(shared: Path) -> None:

@@ -12,7 +12,7 @@ import trimesh
 
 from swatchwork.arrays import F64, Bool, unit
 from swatchwork.capture import Camera
-from swatchwork.octahedral import cell_directions, square_from_direction
+from swatchwork.octahedral import pixel_directions, square_from_direction
 from swatchwork.surface import Atlas, Mesh, RayScene, mesh_from_arrays, sees, sky_masks
 
 
@@ -159,7 +159,7 @@ def test_occluders_block_sight_and_sky() -> None:
     assert sees(scene, atlas, camera_at(np.array([0.0, 0.0, -5.0]))).any()
     masks = sky_masks(scene, atlas, samples=1000)
     top = int(np.argmax(atlas.normal[:, 2]))
-    up = cell_directions(64)[..., 2]
+    up = pixel_directions(64)[..., 2]
     visible = bits(masks.words[masks.of_texel[[top]]])[0]
     assert not visible[up > 0.2].any()
     assert (masks.of_texel[atlas.normal[:, 2] < -0.999] == -1).all()
@@ -177,7 +177,7 @@ def test_sky_at_the_bottom_of_a_well(depth: float) -> None:
     where = np.array([[0.0, 0.0, 0.0], [0.5, -0.3, 0.0]])
     atlas = points(where, np.array([0.0, 0.0, 1.0]))
     masks = sky_masks(RayScene([open_box(depth)]), atlas)
-    direction = cell_directions(64)
+    direction = pixel_directions(64)
     for x, row in zip(where, bits(masks.words[masks.of_texel]), strict=True):
         with np.errstate(divide="ignore"):
             rim = x[:2] + direction[..., :2] * (depth / direction[..., 2:])
@@ -190,7 +190,7 @@ def test_sky_at_the_bottom_of_a_well(depth: float) -> None:
 def test_bits_lie_where_the_mapping_says() -> None:
     mesh = open_box(50.0)
     masks = sky_masks(RayScene([mesh]), points(np.array([[0.2, 0.1, 25.0]]), np.array([0.0, 0.0, 1.0])))
-    row, column = np.nonzero(bits(masks.words)[0] & (cell_directions(64)[..., 2] > 0))
+    row, column = np.nonzero(bits(masks.words)[0] & (pixel_directions(64)[..., 2] > 0))
     # The only way out is straight up.
     place = (square_from_direction(np.array([0.0, 0.0, 1.0])) * 64).astype(int)
     assert (np.abs(row - place[1] + 0.5) < 3).all() and (np.abs(column - place[0] + 0.5) < 3).all()
@@ -200,7 +200,7 @@ def test_bits_lie_where_the_mapping_says() -> None:
 def test_sharing_masks_changes_irradiance_little() -> None:
     mesh = mesh_of(trimesh.creation.torus(1.0, 0.4, major_sections=72, minor_sections=36))
     atlas, scene = centres(mesh), RayScene([mesh])
-    direction = cell_directions(64).reshape(-1, 3)
+    direction = pixel_directions(64).reshape(-1, 3)
     chosen = np.random.default_rng(3).choice(len(atlas), 400, replace=False)
     cosine = np.maximum(atlas.normal[chosen] @ direction.T, 0)
     found = []

@@ -7,13 +7,15 @@ from __future__ import annotations
 import json
 import time
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from swatchwork.capture import read_capture
 from swatchwork.errors import CaptureWarning, InputError
-from swatchwork.material import read_material
+from swatchwork.material import normal_albedo, read_material
 from swatchwork.simulate import simulate_capture
 from swatchwork.workflow import (
     CostRecorder,
@@ -24,7 +26,7 @@ from swatchwork.workflow import (
     reconstruct_folder,
     relight_folder,
 )
-from swatchwork.workflow.recovery import collected_warnings, whole_folder_is_free
+from swatchwork.workflow.recovery import collected_warnings, warn_of_bright_materials, whole_folder_is_free
 from swatchwork.workflow.relighting import given_environment, rotation_matrix
 
 
@@ -64,6 +66,35 @@ def test_relight_and_evaluate(capture: Path, material: Path, tmp_path: Path) -> 
     # 48-pixel pictures of two hard-edged materials: edges alone cost ten per cent or two; 0.5 is nonsense.
     assert measured.nrms < 0.5
     assert measured.nrms_inner is not None
+
+
+def test_a_missing_occluder_is_named(capture: Path, material: Path, tmp_path: Path) -> None:
+    cameras = json.loads((capture / "test/transforms.json").read_text())
+    cameras["occluders"] = ["table.obj"]
+    (tmp_path / "transforms.json").write_text(json.dumps(cameras))
+    with pytest.raises(InputError, match=r"transforms\.json: the occluder \S*table\.obj does not exist"):
+        relight_folder(
+            material, tmp_path, tmp_path / "renders", environment=capture / "env.exr", convention="blender"
+        )
+    assert not (tmp_path / "renders").exists()
+
+
+def test_turntables_of_either_type(capture: Path, material: Path, tmp_path: Path) -> None:
+    done = relight_folder(material, capture / "test", tmp_path, turntable_frames=2, turntable_format="mp4")
+    assert done.turntable == str(tmp_path / "turntable.mp4") and Path(done.turntable).stat().st_size > 0
+
+
+def test_materials_brighter_than_their_light_are_warned_of(capture: Path, material: Path) -> None:
+    found, given = read_material(material), read_capture(capture)
+    warn_of_bright_materials(found, given)  # a CaptureWarning would be an error here
+    albedo = np.einsum("j,njc->nc", normal_albedo(found.basis), found.representatives).max(axis=1)
+    scale = 2 / albedo
+    brighter = replace(found, representatives=found.representatives * [[[scale[0]]], [[0.5 * scale[1]]]])
+    with pytest.warns(CaptureWarning, match=r"representative 1 \(albedo 2\.00, .* Check that photographs"):
+        warn_of_bright_materials(brighter, given)
+    # One that carries no weight says nothing of the capture.
+    unused = replace(brighter, index=np.ones_like(found.index))
+    warn_of_bright_materials(unused, given)
 
 
 def test_views_uses_the_first_frames(capture: Path, tmp_path: Path) -> None:

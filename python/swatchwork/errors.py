@@ -44,9 +44,5 @@ class OutputError(SwatchworkError):
     """A result could not be written (full disk, no permission); what was there before is intact."""
 
 
-class MissingExtraError(SwatchworkError):
-    """An optional dependency is not installed; the message says which extra brings it."""
-
-
 class CaptureWarning(UserWarning):
     """Legal but suspicious input; the report repeats it in words."""

@@ -10,46 +10,57 @@ The Rust core has the same mapping; this is its plain twin.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+import numpy.typing as npt
 
-from swatchwork.arrays import F64, Float
+from swatchwork.arrays import Float
+
+Floats = npt.NDArray[Any]
 
 
-def square_from_direction(d: Float) -> F64:
-    """Unit directions [..., 3] to points (a, b) [..., 2] of the square; the sign of 0 is +1."""
-    d = np.asarray(d, dtype=np.float64)
-    x, y, z = np.abs(d[..., 0]), np.abs(d[..., 1]), np.abs(d[..., 2])
-    # sqrt(1 - z) cancels near the poles; (x^2 + y^2) / (1 + z) is the same for unit vectors.
-    r = np.sqrt((x * x + y * y) / (1 + z))
-    b = np.arctan2(y, x) * (2 / np.pi) * r
+def square_from_direction(d: Float) -> Floats:
+    """Unit directions [..., 3] to points (a, b) [..., 2]; the sign of 0 is +1; float32 stays float32."""
+    d = _floating(d)
+    x, y, z = d[..., 0], d[..., 1], d[..., 2]
+    # sqrt(1 - |z|) cancels near the poles; this is the same for unit vectors.
+    r = np.sqrt((x * x + y * y) / (1 + np.abs(z)))
+    b = np.arctan2(np.abs(y), np.abs(x)) * d.dtype.type(2 / np.pi) * r
     a = r - b
-    lower = d[..., 2] < 0
-    a, b = np.where(lower, 1 - b, a), np.where(lower, 1 - a, b)
-    a = np.where(d[..., 0] < 0, -a, a)
-    b = np.where(d[..., 1] < 0, -b, b)
-    return np.stack([(a + 1) / 2, (b + 1) / 2], axis=-1)
+    a, b = np.where(z < 0, 1 - b, a), np.where(z < 0, 1 - a, b)
+    return np.stack([(np.where(x < 0, -a, a) + 1) / 2, (np.where(y < 0, -b, b) + 1) / 2], axis=-1)
 
 
-def direction_from_square(ab: Float) -> F64:
-    """Points (a, b) [..., 2] of the square to unit directions [..., 3]; inverse of the above."""
-    ab = 2 * np.asarray(ab, dtype=np.float64) - 1
-    a, b = np.abs(ab[..., 0]), np.abs(ab[..., 1])
-    # Signed distance from the diamond |a| + |b| = 1, the image of the equator.
-    d = 1 - (a + b)
-    r = 1 - np.abs(d)
-    lower = d < 0
-    # In the lower half (a, b) = (1 - b', 1 - a'), hence b' = 1 - a where b' = phi' r.
-    folded = np.where(lower, 1 - a, b)
-    phi = np.where(r > 0, folded / np.where(r > 0, r, 1.0), 0.0) * (np.pi / 2)
-    s = r * np.sqrt(np.maximum(2 - r * r, 0.0))
-    x = np.copysign(np.cos(phi) * s, ab[..., 0])
-    y = np.copysign(np.sin(phi) * s, ab[..., 1])
-    z = np.where(lower, r * r - 1, 1 - r * r)
-    return np.stack([x, y, z], axis=-1)
+def direction_from_square(ab: Float) -> Floats:
+    """Points (a, b) [..., 2] of the square to unit directions [..., 3]; float32 stays float32."""
+    ab = _floating(ab)
+    signed = 2 * ab - 1
+    a, b = np.abs(signed[..., 0]), np.abs(signed[..., 1])
+    # In the lower half, beyond the diamond |a| + |b| = 1, (a, b) = (1 - b', 1 - a').
+    below = a + b > 1
+    a, b = np.where(below, 1 - b, a), np.where(below, 1 - a, b)
+    r = a + b
+    phi = b / np.where(r > 0, r, 1) * ab.dtype.type(np.pi / 2)
+    across = r * np.sqrt(2 - r * r)
+    z = 1 - r * r
+    return np.stack(
+        [
+            np.copysign(across * np.cos(phi), signed[..., 0]),
+            np.copysign(across * np.sin(phi), signed[..., 1]),
+            np.where(below, -z, z),
+        ],
+        axis=-1,
+    )
 
 
-def cell_directions(size: int) -> F64:
-    """Directions of the cell centres of a size x size raster, [size, size, 3] (row, column)."""
-    centre = (np.arange(size) + 0.5) / size
-    a, b = np.meshgrid(centre, centre)
+def pixel_directions(size: int, rows: slice = slice(None), dtype: Any = np.float64) -> Floats:
+    """Directions [R, size, 3] through the pixel centres of a raster's rows (all of them by default)."""
+    centres = ((np.arange(size) + 0.5) / size).astype(dtype)
+    b, a = np.meshgrid(centres[rows], centres, indexing="ij")
     return direction_from_square(np.stack([a, b], axis=-1))
+
+
+def _floating(values: Float) -> Floats:
+    values = np.asarray(values)
+    return values if np.issubdtype(values.dtype, np.floating) else values.astype(np.float64)

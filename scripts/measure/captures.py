@@ -29,8 +29,8 @@ import numpy as np
 import results
 
 from swatchwork.capture import Frame, read_capture, read_image, read_photograph
-from swatchwork.light import direction_from_square
 from swatchwork.material import read_material
+from swatchwork.octahedral import direction_from_square
 from swatchwork.relight import RelitScene
 from swatchwork.surface import build_atlas
 

@@ -110,15 +110,6 @@ def _remap_long(image: np.ndarray, at: np.ndarray) -> np.ndarray:
     ).reshape(-1, 3)[: len(at)]
 
 
-def bright_direction(pyramid: list[np.ndarray]) -> np.ndarray:
-    """The luminance-weighted mean direction [3] of the light."""
-    image = pyramid[4]
-    centres = (np.arange(len(image)) + 0.5) / len(image)
-    d = direction_from_square(np.stack(np.meshgrid(centres, centres), axis=-1))
-    mean = np.einsum("jik,ji->k", d, image.mean(-1))
-    return mean / np.linalg.norm(mean)
-
-
 # ---- directions ----------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Samples:

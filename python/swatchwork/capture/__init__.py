@@ -5,13 +5,14 @@
 from swatchwork.capture.camera import Camera, rigid
 from swatchwork.capture.capture import CONVENTIONS, Capture, EnvironmentSource, Frame
 from swatchwork.capture.exr import read_exr_channels, write_exr, write_exr_channels
-from swatchwork.capture.images import Image, linear_from_srgb, read_image, write_png
+from swatchwork.capture.images import IMAGE_SUFFIXES, Image, linear_from_srgb, read_image, write_png
 from swatchwork.capture.photograph import Photograph, check_radiance, read_mask, read_photograph
 from swatchwork.capture.transforms import read_capture
 from swatchwork.capture.writing import write_capture
 
 __all__ = [
     "CONVENTIONS",
+    "IMAGE_SUFFIXES",
     "Camera",
     "Capture",
     "EnvironmentSource",

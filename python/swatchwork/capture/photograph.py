@@ -25,11 +25,13 @@ class Photograph:
         alpha: F32[H, W], coverage in [0, 1]; 1 where the file gives none.
         valid: Bool[H, W], the pixel is data: unclipped and inside the mask. Others are missing,
             whatever their radiance.
+        mask: Bool[H, W], the mask file alone; None where the frame names none.
     """
 
     radiance: F32
     alpha: F32
     valid: Bool
+    mask: Bool | None = None
 
 
 def read_photograph(frame: Frame) -> Photograph:
@@ -44,7 +46,7 @@ def read_photograph(frame: Frame) -> Photograph:
     shape = (frame.camera.height, frame.camera.width)
     if image.linear.shape[:2] != shape:
         raise size_error(where, image.linear.shape[1], image.linear.shape[0], frame)
-    valid = ~image.clipped
+    valid, mask = ~image.clipped, None
     if frame.mask_path is not None:
         mask = read_mask(frame.mask_path)
         if mask.shape != shape:
@@ -55,7 +57,7 @@ def read_photograph(frame: Frame) -> Photograph:
     radiance = image.linear / np.float32(frame.exposure)
     radiance[~np.isfinite(radiance)] = 0.0
     alpha = np.ones(shape, dtype=np.float32) if image.alpha is None else image.alpha
-    return Photograph(radiance, alpha, valid)
+    return Photograph(radiance, alpha, valid, mask)
 
 
 def read_mask(path: Path) -> Bool:

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -62,15 +63,24 @@ def _table(found: Evaluation) -> Table:
         table.add_column(name, justify="right")
     rows: list[tuple[str, Evaluation | FrameEvaluation]] = [(frame.name, frame) for frame in found.frames]
     for name, frame in (*rows, ("overall", found)):
-        split = [f"{100 * (x or 0):.2f}" for x in (frame.nrms_inner, frame.nrms_rim)] if rim else []
+        split = [_percent(x) for x in (frame.nrms_inner, frame.nrms_rim)] if rim else []
         cells = [
-            f"{100 * frame.nrms:.2f}",
+            _percent(frame.nrms),
             *split,
-            f"{frame.psnr_h:.2f}",
-            f"{frame.psnr_l:.2f}",
-            f"{frame.ssim:.4f}",
+            _number(frame.psnr_h, 2),
+            _number(frame.psnr_l, 2),
+            _number(frame.ssim, 4),
         ]
         if frame is found:
             table.add_section()
         table.add_row(name, *cells, style="bold" if frame is found else None)
     return table
+
+
+def _percent(x: float | None) -> str:
+    return _number(None if x is None else 100 * x, 2)
+
+
+def _number(x: float | None, digits: int) -> str:
+    """A dash for what was not measured: a frame without rim, a foreground too thin to erode."""
+    return "-" if x is None or math.isnan(x) else f"{x:.{digits}f}"

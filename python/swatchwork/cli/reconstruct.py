@@ -170,7 +170,7 @@ def reconstruct(
 
     swatchwork reconstruct my-capture -o quick --resolution 256 --views 6
 
-    swatchwork reconstruct my-capture -o out --basis paper --search-order paper --search pruned --weighting equal
+    swatchwork reconstruct capture -o out --basis paper --search-order paper --search pruned --weighting equal
     """
     if n is not None and N is not None and n > N:
         raise InputError(f"--n is {n} and --N is {N}", expected="n no larger than N")

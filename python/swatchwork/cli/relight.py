@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -12,6 +13,13 @@ import typer
 from ..errors import InputError
 from .console import session
 from .options import AsJson, Convention, Quiet, Threads, Verbose, parse_rotation, use_threads
+
+
+class Moving(StrEnum):
+    """File types of a turntable."""
+
+    gif = "gif"
+    mp4 = "mp4"
 
 
 def relight(
@@ -35,8 +43,11 @@ def relight(
     ] = None,
     turntable: Annotated[
         int,
-        typer.Option(min=0, metavar="FRAMES", help="Also turn the object before the first camera, as a GIF."),
+        typer.Option(
+            min=0, metavar="FRAMES", help="Also turn the object before the first camera, at FRAMES angles."
+        ),
     ] = 0,
+    turntable_format: Annotated[Moving, typer.Option(help="File type of the turntable.")] = Moving.gif,
     samples: Annotated[
         int, typer.Option(min=1, max=8, metavar="COUNT", help="Samples along a pixel's side (edges).")
     ] = 2,
@@ -75,6 +86,7 @@ def relight(
             convention=None if convention is None else convention.value,
             rotation=rotation,
             turntable_frames=turntable,
+            turntable_format=turntable_format.value,
             samples=samples,
             progress=run.progress,
         )

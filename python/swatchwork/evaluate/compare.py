@@ -14,15 +14,13 @@ from typing import Any
 import numpy as np
 
 from ..arrays import F32, Bool, Float
-from ..capture import Frame, read_capture, read_image, read_photograph
+from ..capture import IMAGE_SUFFIXES, Frame, read_capture, read_image, read_photograph
 from ..errors import InputError
 from ..progress import SILENT, Progress
 from .metrics import SquaredError, psnr_hdr, psnr_ldr, squared_error, ssim
 
 RIM_COSINE = 0.2
 """n.o at and below which a pixel belongs to the rim."""
-
-SUFFIXES = (".exr", ".hdr", ".png", ".jpg", ".jpeg", ".tif", ".tiff")
 
 Cosines = Callable[[Frame], Float | None]
 """The map of n.o [H, W] that a frame's camera sees (nan or <= 0 off the object)."""
@@ -48,7 +46,8 @@ class Evaluation:
     """Measures of a whole set.
 
     NRMS values are pooled: the sums run over all frames before the division. PSNR-H, PSNR-L and SSIM
-    are means over the frames. ``ssim`` has Stanford-ORB's 3 x 3 window, ``ssim_11`` the usual 11 x 11.
+    are means over the frames whose foreground survives the erosion (nan in the others). ``ssim`` has
+    Stanford-ORB's 3 x 3 window, ``ssim_11`` the usual 11 x 11.
     ``rim_share`` is the part of the summed squared error that lies at n.o <= 0.2.
     """
 
@@ -87,7 +86,8 @@ def compare(
             Only for references that are a capture.
 
     Raises:
-        InputError: no reference, a render missing, sizes that disagree, a render that is not finite.
+        InputError: no reference, a render missing, sizes that disagree, a render that is not finite,
+            a reference without a foreground pixel.
     """
     renders, references = Path(renders), Path(references)
     if not renders.is_dir():
@@ -103,6 +103,13 @@ def compare(
         for name, b, foreground, frame in _references(references):
             path = _render_of(renders, name)
             a = _checked_render(path, b.shape, name)
+            if not foreground.any():
+                raise InputError(
+                    f"the reference {name} has no pixel to compare: all are transparent, masked or clipped",
+                    file=references,
+                    expected="a foreground in every reference",
+                    hint="Leave this frame out of the references",
+                )
             sums.append(squared_error(a, b, foreground))
             split = None
             if cosines is not None and frame is not None and (cosine := cosines(frame)) is not None:
@@ -138,7 +145,9 @@ def _pooled(
     whole = inside.difference + edge.difference
 
     def mean(key: str) -> float:
-        return float(np.mean([getattr(frame, key) for frame in frames]))
+        values = np.array([getattr(frame, key) for frame in frames])
+        measured = values[~np.isnan(values)]
+        return float(measured.mean()) if len(measured) else float("nan")
 
     return Evaluation(
         frames=tuple(frames),
@@ -167,12 +176,14 @@ def _references(references: Path) -> Iterator[tuple[str, F32, Bool, Frame | None
         return
     if not references.is_dir():
         raise InputError("no such folder or file", file=references, expected="references to compare with")
-    found = sorted(p for p in references.iterdir() if p.suffix.lower() in SUFFIXES)
+    found = sorted(p for p in references.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES)
     # A preview may lie beside an EXR: the more exact kind of each name counts.
-    found.sort(key=lambda p: SUFFIXES.index(p.suffix.lower()))
+    found.sort(key=lambda p: IMAGE_SUFFIXES.index(p.suffix.lower()))
     paths = sorted({p.stem: p for p in reversed(found)}.values())
     if not paths:
-        raise InputError("holds no image", file=references, expected=f"files named *{', *'.join(SUFFIXES)}")
+        raise InputError(
+            "holds no image", file=references, expected=f"files named *{', *'.join(IMAGE_SUFFIXES)}"
+        )
     for path in paths:
         image = read_image(path)
         foreground = ~image.clipped if image.alpha is None else (image.alpha > 0.5) & ~image.clipped
@@ -183,9 +194,9 @@ def _render_of(renders: Path, name: str) -> Path:
     """The render of the frame ``name``: by its relative path if there is one, else by its file name."""
     tried = []
     # A frame's name may lack a suffix, as NeRF-Blender's do: cut only what is one.
-    bare = Path(name).with_suffix("") if Path(name).suffix.lower() in SUFFIXES else Path(name)
+    bare = Path(name).with_suffix("") if Path(name).suffix.lower() in IMAGE_SUFFIXES else Path(name)
     for stem in dict.fromkeys((bare, Path(bare.name))):
-        for suffix in SUFFIXES:
+        for suffix in IMAGE_SUFFIXES:
             path = renders / stem.with_name(stem.name + suffix)
             if path.is_file():
                 return path
@@ -193,7 +204,7 @@ def _render_of(renders: Path, name: str) -> Path:
     raise InputError(
         f"no render of the reference {name}",
         file=renders,
-        expected=f"a file {' or '.join(tried)} with one of {', '.join(SUFFIXES)}",
+        expected=f"a file {' or '.join(tried)} with one of {', '.join(IMAGE_SUFFIXES)}",
         hint="Renders are paired with references by file name",
     )
 

@@ -81,16 +81,25 @@ def _psnr(a: F64, b: F64) -> float:
 
 
 def psnr_hdr(a: Float, b: Float, mask: Bool) -> float:
-    """PSNR-H in dB (peak 1): linear images brightened by mean(sRGB(b)) / mean(b), clipped to [0, 4]."""
-    a_in, b_in = _aligned(a, b, eroded(mask))
+    """PSNR-H in dB (peak 1): linear images brightened by mean(sRGB(b)) / mean(b), clipped to [0, 4].
+
+    nan where the eroded mask is empty, as of PSNR-L and SSIM: two black images would agree perfectly.
+    """
+    inside = eroded(mask)
+    if not inside.any():
+        return float("nan")
+    a_in, b_in = _aligned(a, b, inside)
     mean = np.clip(b_in, 0, 1).mean()
     gain = srgb_encoded(b_in).mean() / mean if mean > 1e-8 else 1.0
     return _psnr(np.clip(gain * a_in, 0, HDR_CLIP), np.clip(gain * b_in, 0, HDR_CLIP))
 
 
 def psnr_ldr(a: Float, b: Float, mask: Bool) -> float:
-    """PSNR-L in dB: sRGB-encoded images in [0, 1]."""
-    a_in, b_in = _aligned(a, b, eroded(mask))
+    """PSNR-L in dB: sRGB-encoded images in [0, 1]; nan where the eroded mask is empty."""
+    inside = eroded(mask)
+    if not inside.any():
+        return float("nan")
+    a_in, b_in = _aligned(a, b, inside)
     return _psnr(srgb_encoded(a_in), srgb_encoded(b_in))
 
 
@@ -99,9 +108,12 @@ def ssim(a: Float, b: Float, mask: Bool, window: int = 11) -> float:
 
     A Gaussian window of sigma 1.5, K1 = 0.01, K2 = 0.03, range 1, biased covariances, mean over the
     whole image and the channels; the border is mirrored. ``window`` is 11 in the original and 3 in
-    Stanford-ORB.
+    Stanford-ORB. nan where the eroded mask is empty.
     """
-    a_in, b_in = _aligned(a, b, eroded(mask))
+    inside = eroded(mask)
+    if not inside.any():
+        return float("nan")
+    a_in, b_in = _aligned(a, b, inside)
     x, y = srgb_encoded(a_in), srgb_encoded(b_in)
     tap = np.exp(-0.5 * ((np.arange(window) - window // 2) / 1.5) ** 2)
     tap /= tap.sum()

@@ -16,7 +16,7 @@ from swatchwork.capture import EnvironmentSource, check_radiance, read_image
 from swatchwork.errors import InputError
 from swatchwork.light import sampling
 from swatchwork.light.conventions import check_convention, direction_from_uv, solid_angles, uv_from_direction
-from swatchwork.light.octahedral import pixel_directions
+from swatchwork.octahedral import pixel_directions
 
 if TYPE_CHECKING:
     from swatchwork._native import Pyramid

@@ -3,7 +3,7 @@
 """The result: a spatially-varying material and the folder it is kept in (design, section 4)."""
 
 from .folder import SCHEMA_VERSION, is_material_folder, read_material, whole_folder, write_material
-from .maps import MaterialMaps, material_maps
+from .maps import MaterialMaps, material_maps, normal_albedo
 from .material import BasisRecord, Material
 
 __all__ = [
@@ -13,6 +13,7 @@ __all__ = [
     "MaterialMaps",
     "is_material_folder",
     "material_maps",
+    "normal_albedo",
     "read_material",
     "whole_folder",
     "write_material",

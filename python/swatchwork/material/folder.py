@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 import os
@@ -125,7 +126,8 @@ def whole_folder(
 
     Raises:
         InputError: the folder exists, is not empty, and is not ``replaceable``.
-        OutputError: the disk is full, or the place cannot be written.
+        OutputError: the disk is full, or the place cannot be written. Whatever else the block raises, such
+            as an input that cannot be read, comes through as it is.
     """
     folder = Path(folder).absolute()
     if folder.exists() and not (folder.is_dir() and (not any(folder.iterdir()) or replaceable(folder))):
@@ -136,10 +138,13 @@ def whole_folder(
             hint="Nothing was written: choose another name, or move it away",
         )
     fresh: Path | None = None
+    in_block = False
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         fresh = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+        in_block = True
         yield fresh
+        in_block = False
         # mkdtemp's folders are private; this one should be as any other.
         mask = os.umask(0)
         os.umask(mask)
@@ -148,6 +153,8 @@ def whole_folder(
             _sync(path)
         _swap(fresh, folder)
     except (OSError, OutputError) as error:
+        if in_block and fresh is not None and not _is_of_writing(error, fresh):
+            raise
         # Name the folder asked for, not the temporary one.
         reason = (getattr(error, "strerror", None) or str(error)).replace(str(fresh), str(folder))
         raise OutputError(
@@ -156,6 +163,15 @@ def whole_folder(
     finally:
         if fresh is not None:
             shutil.rmtree(fresh, ignore_errors=True)
+
+
+def _is_of_writing(error: OSError | OutputError, fresh: Path) -> bool:
+    """Whether an error of the block is about the new folder, and not about something the block reads."""
+    if isinstance(error, OutputError) or error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EROFS):
+        return True
+    if isinstance(error.filename, str | PathLike):
+        return Path(error.filename).is_relative_to(fresh)
+    return error.errno == errno.EACCES
 
 
 def _swap(fresh: Path, folder: Path) -> None:

@@ -110,8 +110,9 @@ def _gathered(capture: Capture, atlas: Atlas, texels: list[I64], radiances: list
 def _check_silhouette(capture: Capture, frame: Frame, photograph: Photograph, pixels: PixelMap) -> None:
     if (photograph.alpha < 1).any():
         shown = photograph.alpha.ravel() > 0.5
-    elif frame.mask_path is not None:
-        shown = photograph.valid.ravel()
+    elif photograph.mask is not None:
+        # Not `valid`: clipped highlights lie on the object all the same.
+        shown = photograph.mask.ravel()
     else:
         return
     # Whether a mask includes the occluders is the photographer's choice.

@@ -12,7 +12,7 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from ..arrays import F64
-from ..capture import Capture, EnvironmentSource, Frame, write_exr, write_png
+from ..capture import IMAGE_SUFFIXES, Capture, EnvironmentSource, Frame, write_exr, write_png
 from ..errors import InputError
 from ..light import Environment, read_environment
 from ..progress import SILENT, Progress
@@ -118,7 +118,7 @@ def output_names(names: Sequence[str]) -> list[str]:
     """
     paths = [PurePosixPath(name.replace("\\", "/")) for name in names]
     # A name may lack a suffix, as NeRF-Blender's do: cut only what is one.
-    bare = [p.with_suffix("") if p.suffix.lower() in SUFFIXES else p for p in paths]
+    bare = [p.with_suffix("") if p.suffix.lower() in IMAGE_SUFFIXES else p for p in paths]
     if len({p.name for p in bare}) == len(bare):
         return [p.name for p in bare]
     whole = ["/".join(part for part in p.parts if part not in ("..", ".", "/")) for p in bare]
@@ -128,6 +128,3 @@ def output_names(names: Sequence[str]) -> list[str]:
             f"several frames are called {min(repeated)!r}", expected="a file_path of its own for each"
         )
     return whole
-
-
-SUFFIXES = (".exr", ".hdr", ".png", ".jpg", ".jpeg", ".tif", ".tiff")

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from swatchwork.arrays import F32, I32, I64, U64, Bool
-from swatchwork.octahedral import cell_directions
+from swatchwork.octahedral import pixel_directions
 from swatchwork.progress import SILENT, Progress
 from swatchwork.surface.atlas import Atlas
 from swatchwork.surface.rays import RayScene
@@ -92,7 +92,7 @@ def _nearest_sample(scene: RayScene, atlas: Atlas, chosen: I64) -> I64:
 
 
 def _traced(scene: RayScene, atlas: Atlas, chosen: I64, progress: Progress) -> U64:
-    cells = cell_directions(SIZE).reshape(-1, 3).astype(np.float32)
+    cells = pixel_directions(SIZE).reshape(-1, 3).astype(np.float32)
     words = np.empty((len(chosen), SIZE), dtype=np.uint64)
 
     def trace(part: slice) -> slice:

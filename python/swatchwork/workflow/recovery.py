@@ -26,7 +26,6 @@ from ..surface import padded
 from .costs import CostRecorder, StageCost
 from .pages import reconstruction_report
 
-
 BRIGHTEST_ALBEDO = 1.05
 """Directional albedo at normal incidence above which exposures are in doubt; the excess is room for noise."""
 
@@ -213,7 +212,9 @@ def warn_of_bright_materials(material: Material, capture: Capture) -> None:
     albedo = np.einsum("j,njc->nc", normal_albedo(material.basis), material.representatives)
     bright = np.flatnonzero((share >= CARRIED_SHARE) & (albedo.max(axis=1) > BRIGHTEST_ALBEDO))
     if len(bright):
-        each = ", ".join(f"{i} (albedo {albedo[i].max():.2f}, {100 * share[i]:.0f} % of it)" for i in bright)
+        each = ", ".join(
+            f"{i + 1} (albedo {albedo[i].max():.2f}, {100 * share[i]:.0f} % of it)" for i in bright
+        )
         message = (
             f"{capture.file}: the object reflects more light at normal incidence than it receives: "
             f"representative {each}; expected albedos up to 1. Check that photographs and environment have "

@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 
 from ..arrays import F64
-from ..capture import CONVENTIONS, EnvironmentSource, read_capture
+from ..capture import CONVENTIONS, Capture, EnvironmentSource, read_capture
 from ..errors import InputError
 from ..light import Environment, read_environment
 from ..material import read_material
 from ..progress import SILENT, Progress
 from ..relight import Lighting, RelitScene, relight, turntable
-from ..surface import read_mesh
+from ..surface import Mesh, read_mesh
 
 
 @dataclass(frozen=True)
@@ -53,6 +53,7 @@ def relight_folder(
     convention: str | None = None,
     rotation: tuple[str, float] | None = None,
     turntable_frames: int = 0,
+    turntable_format: str = "gif",
     samples: int = 2,
     progress: Progress = SILENT,
 ) -> RelightSummary:
@@ -60,15 +61,16 @@ def relight_folder(
 
     Args:
         material_folder: as ``reconstruct_folder`` writes it.
-        cameras: transforms.json; its mesh and images need not exist, its occluders are used.
+        cameras: transforms.json; its mesh and images need not exist, its occluders must.
         output: folder of the renders.
         environment: image to use instead of the file's own; ``convention`` is then required.
         rotation: world axis ("x", "y", "z") and degrees to turn the light by, right-handed.
         turntable_frames: also turn the object once before the first camera, in so many pictures.
+        turntable_format: "gif" or "mp4".
         samples: samples along a pixel's side.
 
     Raises:
-        InputError: material, cameras or light are wrong, or there is no light.
+        InputError: material, cameras or light are wrong, an occluder is missing, or there is no light.
         OutputError: a file cannot be written.
     """
     start = time.perf_counter()
@@ -76,12 +78,12 @@ def relight_folder(
     material = read_material(material_folder)
     capture = read_capture(cameras, require_images=False)
     lighting = Lighting(given, rotation_matrix(rotation))
-    occluders = [read_mesh(path) for path in capture.occluder_paths if path.exists()]
+    occluders = occluder_meshes(capture)
     scene = RelitScene.of(material, occluders, progress)
     done = relight(scene, capture, output, lighting=lighting, samples=samples, progress=progress)
     turning = None
     if turntable_frames:
-        turning = Path(output) / "turntable.gif"
+        turning = Path(output) / f"turntable.{turntable_format}"
         first = capture.frames[0]
         light = lighting.of(capture, first)
         turntable(scene, first.camera, light, turning, frames=turntable_frames, progress=progress)
@@ -92,6 +94,20 @@ def relight_folder(
         str(turning) if turning else None,
         time.perf_counter() - start,
     )
+
+
+def occluder_meshes(capture: Capture) -> list[Mesh]:
+    """The meshes that stand between object and light or camera; InputError where one is not on disk."""
+    for path in capture.occluder_paths:
+        # Rendered without it, the object would silently lack its shadow.
+        if not path.is_file():
+            raise InputError(
+                f"the occluder {path} does not exist",
+                file=capture.file,
+                expected='every file of "occluders"',
+                hint='Put it there, or take it out of "occluders" to render without it',
+            )
+    return [read_mesh(path) for path in capture.occluder_paths]
 
 
 def given_environment(file: str | PathLike[str] | None, convention: str | None) -> Environment | None:
