@@ -18,7 +18,7 @@ from ..reflectance import GenericBasis
 from ..response import representative_responses
 from ..surface import Mesh
 
-PICTURE_PX = 360
+PICTURE_PX = 300
 SPHERE_PX = 168
 MAP_PX = 512
 ERROR_SCALE = 0.3
