@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from .. import _native
+from .._native import blend as native_blend
 from ..arrays import F32, F64, I64, U32
 
 Search = Literal["exact", "pruned", "brute"]
@@ -65,7 +65,7 @@ def blend(
         previous: [M, N] last weights, tried first.
         seed: of the pruned search's sample of texels.
     """
-    weights, squared_error, visited = _native.blend(
+    weights, squared_error, visited = native_blend(
         np.ascontiguousarray(responses, dtype=np.float32),
         np.ascontiguousarray(radiance, dtype=np.float32),
         np.ascontiguousarray(offsets, dtype=np.int64),

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .. import _native
+from .._native import SolverProblem
 from ..arrays import F32, F64, I64
 from ..errors import InputError
 
@@ -64,7 +64,7 @@ class Problem:
         self.kernels = self.responses.shape[1]
         self.measurements: F64 = 3.0 * views
         """[M] K of each texel."""
-        self._native = _native.SolverProblem(
+        self._native = SolverProblem(
             self.responses, self.radiance, self.offsets, DARK**2 * typical * views.astype(np.float64)
         )
         self.gamma: F64 = self._native.gamma

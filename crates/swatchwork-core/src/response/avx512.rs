@@ -8,7 +8,7 @@
 
 use super::lanes::{Array, Lanes, Sky};
 use super::mipmap::{Mipmap, Quad};
-use super::pyramid::CELLS;
+use super::octahedral::CELLS;
 use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Sub};
 

@@ -8,7 +8,8 @@ use super::basis::{Basis, MOST_MASKINGS, MOST_POWERS, log2};
 use super::block::{Frames, Shadow, power};
 use super::lanes::{Array, LANES, Lanes, Sky, each};
 use super::lights::Light;
-use super::pyramid::{CELLS, Pyramid};
+use super::octahedral::CELLS;
+use super::pyramid::Pyramid;
 
 /// Most planes, masking by Fresnel term.
 const PLANES: usize = MOST_POWERS * MOST_MASKINGS;

@@ -8,7 +8,8 @@
 use super::basis::SHAPES;
 use super::block::power;
 use super::lanes::{Array, LANES, Lanes, each};
-use super::pyramid::{CELLS, Pyramid};
+use super::octahedral::CELLS;
+use super::pyramid::Pyramid;
 
 /// The functions of a cosine that diffuse kernels are products of: 1, 1 - (1 - c/2)^5, (1 - c)^5,
 /// (1 - c)^10 and 1 / (1 + c).

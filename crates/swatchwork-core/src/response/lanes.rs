@@ -5,7 +5,7 @@
 //! implements it, and is compiled under its own target features in `run`.
 
 use super::mipmap::Mipmap;
-use super::pyramid::CELLS;
+use super::octahedral::CELLS;
 use std::ops::{Add, Div, Mul, Sub};
 
 /// Lanes of every implementation: blocks have the same shape whatever the machine.

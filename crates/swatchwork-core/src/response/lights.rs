@@ -5,8 +5,7 @@
 //! its light; no affordable set of lookups catches them evenly, but a broad lobe hardly changes over
 //! them. So broad lobes look up what is left, and sum over the lights.
 
-use super::octahedral::direction_from_square;
-use super::pyramid::CELLS;
+use super::octahedral::{CELLS, direction_from_square};
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 

@@ -6,6 +6,9 @@
 
 use std::f32::consts::FRAC_2_PI;
 
+/// Cells along a side of the sky masks, and of the level that diffuse kernels integrate.
+pub const CELLS: usize = 64;
+
 /// Point of the unit square for a unit direction.
 pub fn square_from_direction(d: [f32; 3]) -> [f32; 2] {
     let [x, y, z] = d.map(f32::abs);

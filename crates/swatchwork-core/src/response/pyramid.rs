@@ -7,10 +7,7 @@
 use super::lanes::LANES;
 use super::lights::{Light, without_lights};
 use super::mipmap::{Mipmap, halved};
-use super::octahedral::direction_from_square;
-
-/// Cells along a side of the sky masks, and of the level that diffuse kernels integrate.
-pub const CELLS: usize = 64;
+use super::octahedral::{CELLS, direction_from_square};
 
 /// Largest side of a base.
 pub const LARGEST: usize = 8192;

@@ -9,7 +9,8 @@ use super::deposit::light_means;
 use super::diffuse::{cosine_integrals, shapes};
 use super::fold::{Folded, fold_kernels, fold_representatives, transpose};
 use super::lanes::{Array, LANES, Lanes, Plain, Sky};
-use super::pyramid::{CELLS, Pyramid};
+use super::octahedral::CELLS;
+use super::pyramid::Pyramid;
 #[cfg(target_arch = "x86_64")]
 use super::{avx2::Avx2, avx512::Avx512};
 use rayon::prelude::*;
