@@ -9,6 +9,7 @@ Radiances and responses are handed out times the square root of a measurement's 
 a texel seen at a slant covers that much fewer pixels, each of them a measurement, and its sample is blurred
 over that many more texels. With equal weights the brightest, most slanted samples decide the blends: on
 twelve views of a sphere of measured materials, novel-light NRMS at its texels is 8.5 % instead of 7.2 %.
+The rim is learnt less well for it: on twelve views of a scan, equal weights had 6.4 % and these 7.0 %.
 """
 
 from __future__ import annotations
