@@ -7,6 +7,7 @@ DEMO ?= demo
 DATA ?= ../shared/data
 CAPTURES ?= ../shared/captures
 FIGURES := target/validation
+BENCH := target/bench
 RUST_SOURCES := Cargo.toml Cargo.lock $(shell find crates -name target -prune -o \( -name '*.rs' -o -name Cargo.toml \) -print)
 # Recipes run with the environment's tools first; an activated or conda environment must not win over it.
 VENV_ENV := env -u CONDA_PREFIX VIRTUAL_ENV="$(CURDIR)/$(VENV)"
@@ -55,14 +56,22 @@ format: setup ## format Python and Rust in place
 	$(BIN)/ruff format --quiet .
 	cargo fmt --all
 
-bench: setup ## time the kernels (criterion)
-	cargo bench -p swatchwork-core
+# Finished parts are kept in $(BENCH); `rm` a file there to repeat it, `rm -r $(BENCH)` to begin anew.
+bench: setup ## measure speed, memory and error (hours); write docs/benchmarks.md
+	@mkdir -p $(BENCH)
+	@test -e $(BENCH)/kernels || { scripts/quiet "bench: the kernels" cargo bench -p swatchwork-core && touch $(BENCH)/kernels; }
+	$(BIN)/python scripts/bench/table1.py --json $(BENCH)/table1.json
+	$(BIN)/python scripts/bench/stages.py --json $(BENCH)/stages.json
+	$(BIN)/python scripts/bench/scaling.py --json $(BENCH)/scaling.json
+	$(BIN)/python scripts/bench/streaming.py --captures $(CAPTURES) --json $(BENCH)/streaming.json
+	$(BIN)/python scripts/bench/beside_peer.py --captures $(CAPTURES) --json $(BENCH)/peer.json
+	$(BIN)/python scripts/bench/page.py --figures $(BENCH) --page docs/benchmarks.md
 
 # Finished capture runs are kept in $(FIGURES)/runs; `rm -r $(FIGURES)` to begin anew.
 validate: setup ## measure exactness, synthetic blends, captures (hours); write docs/validation.md
 	$(BIN)/python scripts/measure/exactness.py --captures $(CAPTURES) --json $(FIGURES)/exactness.json
 	$(BIN)/python scripts/measure/two_of_four.py --data $(DATA) --json $(FIGURES)/two_of_four.json
-	$(BIN)/python scripts/measure/two_of_four.py --data $(DATA) --search-order paper --json $(FIGURES)/two_of_four-paper-order.json
+	$(BIN)/python scripts/measure/two_of_four.py --data $(DATA) --search-order paper --seeds 1 --only 0 3 --json $(FIGURES)/two_of_four-paper-order.json
 	$(BIN)/python scripts/measure/captures.py --captures $(CAPTURES) --json $(FIGURES)/captures.json
 	$(BIN)/python scripts/measure/page.py --figures $(FIGURES) --page docs/validation.md
 

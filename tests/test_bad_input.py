@@ -235,14 +235,14 @@ def full(*_: object, **__: object) -> None:
 
 
 def test_full_disk(work: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """The earlier material stays as it is, and no temporary folder is left."""
+    """The earlier material stays as it is, and the finished parts of the new one."""
     before = (work / "material" / "svbrdf.json").read_bytes()
     monkeypatch.setattr("swatchwork.material.folder.write_exr_channels", full)
     assert reconstruct(work / "capture", work / "material") == 2
     said = capsys.readouterr().err
     assert "material" in said and "No space left" in said and "Traceback" not in said
     assert (work / "material" / "svbrdf.json").read_bytes() == before
-    assert {path.name for path in work.iterdir()} == {"capture", "material"}
+    assert {path.name for path in work.iterdir()} == {"capture", "material", "material.partial"}
 
 
 def test_full_disk_while_simulating(
@@ -264,4 +264,7 @@ def test_interrupted(work: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest
     assert reconstruct(work / "capture", work / "material") == 130
     assert "nothing was half-written" in capsys.readouterr().err
     assert (work / "material" / "svbrdf.json").read_bytes() == before
+    assert {path.name for path in work.iterdir()} == {"capture", "material", "material.partial"}
+    monkeypatch.undo()
+    assert reconstruct(work / "capture", work / "material") == 0
     assert {path.name for path in work.iterdir()} == {"capture", "material"}

@@ -120,7 +120,7 @@ def test_options_arrive(monkeypatch: pytest.MonkeyPatch) -> None:
     assert main(line.split()) == 2
     options, solve = seen["options"], seen["options"].solve
     assert (seen["capture"], seen["output"], seen["views"]) == (Path("c"), Path("m"), 6)
-    assert (options.resolution, options.basis, options.texels, options.seed) == (64, "paper", 500, 7)
+    assert (options.resolution, options.basis, options.texels, options.solve.seed) == (64, "paper", 500, 7)
     assert (solve.n, solve.N, solve.max_n, solve.max_N) == (2, 4, 3, 9)
     assert (solve.lambda0, solve.lambda1) == (1e-4, 0.0)
     assert (solve.search, solve.search_order, solve.seed) == ("pruned", "paper", 7)

@@ -15,7 +15,8 @@ import trimesh
 from swatchwork.arrays import F64, unit
 from swatchwork.capture import Camera, Capture, Frame, Photograph, read_capture
 from swatchwork.errors import CaptureWarning, InputError
-from swatchwork.observe import Observations, observe
+from swatchwork.observe import observe
+from swatchwork.observe.observations import SeenPairs
 from swatchwork.surface import Atlas, Mesh, RayScene, build_atlas, mesh_from_arrays, read_mesh, sees
 
 OCCLUDER = 100.0
@@ -97,10 +98,10 @@ def smooth(x: F64) -> F64:
 
 def observed(
     scene: RayScene, atlas: Atlas, camera: Camera, shading: Shading, *, alpha: bool = True
-) -> Observations:
+) -> SeenPairs:
     return observe(
         capture_of(camera), atlas, scene, read=lambda _: photograph(scene, camera, shading, alpha=alpha)
-    )
+    ).pairs(np.arange(len(atlas)))
 
 
 @pytest.mark.parametrize("lens", [{}, {"k1": -0.15, "k2": 0.05, "p1": 0.01, "p2": -0.01}])
@@ -160,7 +161,7 @@ def test_clipped_and_masked_pixels_are_missing() -> None:
     picture = photograph(scene, camera, np.ones_like)
     picture.valid[60:80, 70:90] = False
     picture.radiance[60:80, 70:90] = 77.0
-    found = observe(capture_of(camera), atlas, scene, read=lambda _: picture)
+    found = observe(capture_of(camera), atlas, scene, read=lambda _: picture).pairs(np.arange(len(atlas)))
     np.testing.assert_allclose(found.radiance, 1.0, rtol=1e-5)
     uv_px, _ = camera.project(atlas.position[found.texel])
     inside = (uv_px > (70, 60)).all(axis=1) & (uv_px < (90, 80)).all(axis=1)
@@ -172,19 +173,30 @@ def test_pairs_are_sorted_by_texel_then_frame() -> None:
     scene, atlas = RayScene([mesh]), build_atlas(mesh, 64)
     cameras = [camera_at(p) for p in ((4.0, 0.0, 0.0), (3.0, 3.0, 0.0), (3.0, 0.0, 3.0))]
     pictures = {f"images/{i}.exr": photograph(scene, c, smooth) for i, c in enumerate(cameras)}
-    found = observe(capture_of(*cameras), atlas, scene, read=lambda frame: pictures[frame.name])
+    observations = observe(capture_of(*cameras), atlas, scene, read=lambda frame: pictures[frame.name])
+    found, coverage = observations.pairs(np.arange(len(atlas))), observations.coverage
     order = found.texel.astype(np.int64) * 3 + found.frame
     assert (np.diff(order) > 0).all()
-    np.testing.assert_array_equal(np.diff(found.offsets), found.coverage)
-    np.testing.assert_array_equal(np.repeat(np.arange(len(atlas)), found.coverage), found.texel)
-    assert found.offsets[-1] == len(found) and (found.coverage == 0).any() and found.coverage.max() == 3
+    np.testing.assert_array_equal(np.diff(found.offsets), coverage)
+    np.testing.assert_array_equal(np.repeat(np.arange(len(atlas)), coverage), found.texel)
+    assert found.offsets[-1] == len(found) == len(observations)
+    assert (coverage == 0).any() and coverage.max() == 3
     seen_from = np.stack([c.position for c in cameras])[found.frame]
     np.testing.assert_allclose(found.to_viewer, unit(seen_from - atlas.position[found.texel]), atol=1e-6)
     np.testing.assert_allclose(
         found.cosine, (found.to_viewer * atlas.normal[found.texel]).sum(axis=1), atol=1e-6
     )
     alone = observe(capture_of(cameras[1]), atlas, scene, read=lambda _: pictures["images/1.exr"])
-    np.testing.assert_array_equal(alone.radiance, found.radiance[found.frame == 1])
+    middle = alone.pairs(np.arange(len(atlas)))
+    np.testing.assert_array_equal(middle.radiance, found.radiance[found.frame == 1])
+    # Any texels, from anywhere in the atlas: the same rows.
+    some = np.flatnonzero(np.random.default_rng(3).random(len(atlas)) < 0.1)
+    few = observations.pairs(some)
+    same = np.isin(found.texel, some)
+    for name in ("texel", "frame", "radiance", "to_viewer", "cosine"):
+        np.testing.assert_array_equal(getattr(few, name), getattr(found, name)[same])
+    np.testing.assert_array_equal(np.diff(few.offsets), coverage[some])
+    assert len(observations.pairs(np.zeros(0, np.int64))) == 0
 
 
 def test_a_frame_that_shows_nothing_is_named() -> None:
@@ -235,7 +247,7 @@ def test_a_rendered_capture_is_registered(shared: Path) -> None:
     assert capture.mesh_path is not None
     mesh = read_mesh(capture.mesh_path)
     atlas = build_atlas(mesh, 256)
-    found = observe(capture, atlas, RayScene([mesh]))
+    found = observe(capture, atlas, RayScene([mesh])).pairs(np.arange(len(atlas)))
     assert found.radiance.min() >= 0 and found.cosine.min() >= 0.03
     truth = np.load(folder / "truth/weights.npz")
     scale = len(truth["covered"]) // 256

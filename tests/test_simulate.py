@@ -24,6 +24,7 @@ from swatchwork.simulate import (
     ggx_basis,
     in_basis,
     in_ggx,
+    many_materials,
     procedural_environment,
     random_directions,
     satin_materials,
@@ -191,3 +192,27 @@ def test_the_demos_pattern_shows_every_material(seed: int) -> None:
     index, weight = blend_pattern(shape("peanut", 64).vertices, seed=seed, patches=5.0)
     # Four materials at equal shares would have a quarter each; none is a trace that no search could find.
     assert dense_weights(index, weight, 4).mean(axis=0).min() > 0.1
+
+
+@pytest.mark.parametrize("count", [1, 6, 18])
+def test_many_materials_are_plausible_and_distinct(count: int) -> None:
+    recipes = many_materials(count, seed=3)
+    assert recipes == many_materials(count, seed=3)
+    assert len({recipe.name for recipe in recipes}) == count
+    for recipe in recipes:
+        assert all(0.03 <= lobe.tau <= 0.08 or 0.7 <= lobe.tau <= 0.9 for lobe in recipe.lobes)
+        assert all(0.05 <= lobe.roughness <= 0.45 for lobe in recipe.lobes)
+        # No channel reflects more than falls on it at normal incidence, where a lobe's albedo is at most tau.
+        albedo = np.array(recipe.diffuse) + sum(lobe.tau * np.array(lobe.colour) for lobe in recipe.lobes)
+        assert albedo.max() < 1
+    # Under a white furnace and a lamp no two look alike: representatives differ in colour or in width.
+    flat = in_basis(recipes, paper()).reshape(count, -1)
+    apart = np.linalg.norm(flat[:, None] - flat, axis=-1)[np.triu_indices(count, 1)]
+    assert (apart > 0.1).all()
+
+
+def test_a_wide_pattern_shows_all_of_many_materials_and_blends_as_told() -> None:
+    index, weight = blend_pattern(fibonacci_sphere(20_000), materials=18, blended=5, seed=0, patches=5.0)
+    assert dense_weights(index, weight, 18).mean(axis=0).min() > 1 / 18 / 4
+    # The smallest of five weights is above a twentieth at a good part of the points.
+    assert (weight.min(axis=1) > 0.05).mean() > 0.15

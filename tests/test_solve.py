@@ -13,7 +13,7 @@ from scipy.optimize import minimize, nnls
 from swatchwork import _native
 from swatchwork.errors import InputError
 from swatchwork.simulate import SyntheticProblem, two_of_four
-from swatchwork.solve import Blend, Problem, SolveOptions, alternate, blend, solve
+from swatchwork.solve import Blend, Problem, SolveOptions, alternate, blend, solve, sparse_blend
 
 
 def best_by_enumeration(s: np.ndarray, s_hat: np.ndarray, n: int) -> float:
@@ -81,6 +81,20 @@ def test_pruned_search_is_feasible_and_no_better_than_the_exact_one() -> None:
     without = blend(responses, radiance, offsets, 3, search="pruned")
     assert without.squared_error.mean() > exact.squared_error.mean()
     assert exact.visited < blend(responses, radiance, offsets, 3, search="brute").visited
+
+
+@pytest.mark.parametrize("search", ["exact", "brute", "pruned"])
+def test_slots_hold_the_same_blends(search: str) -> None:
+    rng = np.random.default_rng(4)
+    responses, radiance, offsets = random_texels(rng, "random", 5000, 2, 6)
+    for n in (1, 3, 8):
+        whole = blend(responses, radiance, offsets, n, search=search)
+        slots = sparse_blend(responses, radiance, offsets, n, search=search)
+        index, weight = whole.sparse(n)
+        np.testing.assert_array_equal(slots.index, index)
+        np.testing.assert_array_equal(slots.weight, weight)
+        np.testing.assert_array_equal(slots.squared_error, whole.squared_error)
+        assert slots.visited == whole.visited
 
 
 @pytest.fixture(scope="module")

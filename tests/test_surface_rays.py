@@ -67,7 +67,7 @@ def centres(mesh: Mesh) -> Atlas:
     corners = mesh.vertices[mesh.faces]
     area = np.linalg.norm(mesh.crosses, axis=1) / 2
     atlas = points(corners.mean(axis=1), unit(mesh.crosses))
-    return replace(atlas, normal=unit(mesh.normals[mesh.faces].sum(axis=1)), footprint=area)
+    return replace(atlas, normal=unit(mesh.normals[mesh.faces].sum(axis=1)), face_footprint=area)
 
 
 def points(position: F64, normal: F64) -> Atlas:
@@ -76,18 +76,7 @@ def points(position: F64, normal: F64) -> Atlas:
     number = np.arange(count, dtype=np.int32)
     normal = np.broadcast_to(normal, position.shape).astype(float)
     zero = np.zeros(count, dtype=np.int32)
-    return Atlas(
-        count,
-        number[None],
-        zero,
-        number,
-        zero,
-        np.zeros((count, 3), np.float32),
-        position,
-        normal,
-        normal,
-        np.ones(count),
-    )
+    return Atlas(count, number[None], zero, number, number, position, normal, normal, np.ones(count))
 
 
 @pytest.mark.parametrize(("scale", "shift"), [(1.0, 0.0), (0.01, 0.5), (1000.0, 4e4)])

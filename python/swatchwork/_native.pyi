@@ -68,7 +68,7 @@ class SolverProblem:
     ) -> SolverProblem: ...
     def fold(self, representatives: npt.NDArray[np.float64]) -> npt.NDArray[np.float32]: ...
     def representatives(
-        self, weights: npt.NDArray[np.float64], start: npt.NDArray[np.float64]
+        self, weights: npt.NDArray[np.float64], start: npt.NDArray[np.float64], slack: float = 0.0
     ) -> tuple[npt.NDArray[np.float64], float, bool]: ...
     def normal_equations(
         self, weights: npt.NDArray[np.float64], channel: int
@@ -85,6 +85,16 @@ def blend(
     cover: float = 0.99,
     seed: int = 0,
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], int]: ...
+def blend_slots(
+    responses: npt.NDArray[np.float32],
+    radiance: npt.NDArray[np.float32],
+    offsets: npt.NDArray[np.int64],
+    most: int,
+    search: str = "exact",
+    sample: float = 0.05,
+    cover: float = 0.99,
+    seed: int = 0,
+) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.float32], npt.NDArray[np.float64], int]: ...
 def nnls(
     h: npt.NDArray[np.float64], b: npt.NDArray[np.float64], start: npt.NDArray[np.float64], tolerance: float
 ) -> tuple[npt.NDArray[np.float64], bool]: ...

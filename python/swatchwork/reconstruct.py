@@ -6,28 +6,26 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import numpy as np
-from scipy.spatial import cKDTree
-
-from .arrays import F32, F64, U32
 from .capture import Capture
 from .errors import InputError
-from .observe import Observations, Rendering, Weighting, environments_of, observe, stratified
+from .keeping import IN_MEMORY, Array, Keeper
+from .observe import Lights, Observations, Rendering, Weighting, observe
 from .progress import SILENT, Progress
 from .reflectance import GenericBasis, basis_by_name
-from .solve import Problem, Search, Solution, SolveOptions, blend, solve
+from .solve import Solution, SolveOptions
+from .streaming import Budget, TexelBlend, blend_every_texel, solve_on_subset
 from .surface import (
+    Atlas,
     Mesh,
     RayScene,
+    SkyMasks,
     build_atlas,
     default_resolution,
     parametrised,
     read_mesh,
     sky_masks,
+    unwrap,
 )
-
-PAIRS_AT_ONCE = 1 << 18
-"""(texel, view) pairs in a blending tile: with 18 representatives their responses take 57 MB."""
 
 
 @dataclass(frozen=True)
@@ -38,11 +36,12 @@ class ReconstructOptions:
     """Atlas resolution in texels; None: from the images' sampling of the surface."""
     basis: str = "extended"
     texels: int = 4000
-    """Texels that the search for n, N and the representatives runs on; every texel is blended after."""
+    """Texels that the search for n, N and the representatives begins with; every texel is blended after."""
     solve: SolveOptions = field(default_factory=SolveOptions)
-    seed: int = 0
     weighting: Weighting = "projected"
     """Weights of measurements: by projected area, or `equal` as in the paper's Eq. 5."""
+    memory: float = 2.0
+    """GB of memory to stay within, about: the size of tiles and the most that the search may hold."""
 
 
 @dataclass(frozen=True)
@@ -55,77 +54,63 @@ class Reconstruction:
     rendering: Rendering
     basis: GenericBasis
     solution: Solution
-    index: U32
-    """[M, n] representatives blended at each texel."""
-    weight: F32
-    """[M, n] their weights; they sum to 1."""
-    residual: F32
-    """[M] relative error of each texel's measurements, NaN where no view sees it."""
+    blend: TexelBlend
 
 
 def reconstruct(
-    capture: Capture, options: ReconstructOptions | None = None, progress: Progress = SILENT
+    capture: Capture,
+    options: ReconstructOptions | None = None,
+    progress: Progress = SILENT,
+    keeper: Keeper = IN_MEMORY,
 ) -> Reconstruction:
     """Recover the representatives and their sparse blend at every texel (paper, sections 3 and 4).
+
+    Args:
+        keeper: where finished parts go, and come from if an earlier run made them.
 
     Raises:
         InputError: the capture cannot be read or says nothing about the surface; names file and value.
     """
     options = options or ReconstructOptions()
-    basis = basis_by_name(options.basis)
+    basis, budget = basis_by_name(options.basis), Budget(options.memory)
     with progress.stage("surface"):
-        mesh, scene, resolution = surface_of(capture, options.resolution)
+        mesh, scene, resolution = surface_of(capture, options.resolution, keeper)
         atlas = build_atlas(mesh, resolution)
-        sky = sky_masks(scene, atlas, progress=progress)
+        sky = shadows_of(scene, atlas, progress, keeper)
     with progress.stage("observe"):
-        observations = observe(capture, atlas, scene, progress=progress)
-        rendering = Rendering(observations, *environments_of(capture), sky, options.weighting)
-    with progress.stage("respond"):
-        subset = rendering.pairs(stratified(observations, options.texels, options.seed))
-        responses = rendering.generic(basis, subset)
-    with progress.stage("solve"):
-        problem = Problem(responses, subset.radiance, subset.offsets)
-        solution = solve(problem, options.solve, progress)
+        observations = observe(capture, atlas, scene, progress=progress, keeper=keeper)
+        rendering = Rendering(observations, Lights.of_capture(capture), sky, options.weighting)
+    solution = solve_on_subset(rendering, basis, options.texels, options.solve, budget, progress, keeper)
     with progress.stage("blend"):
-        found = blend_every_texel(rendering, basis, solution, options.solve.search, progress)
-    return Reconstruction(mesh, scene, observations, rendering, basis, solution, *found)
+        blend = blend_every_texel(rendering, basis, solution, options.solve.search, budget, progress, keeper)
+    return Reconstruction(mesh, scene, observations, rendering, basis, solution, blend)
 
 
-def surface_of(capture: Capture, resolution: int | None) -> tuple[Mesh, RayScene, int]:
+def surface_of(
+    capture: Capture, resolution: int | None, keeper: Keeper = IN_MEMORY
+) -> tuple[Mesh, RayScene, int]:
     """The object's mesh with injective UVs, the scene that blocks light and sight, and the resolution."""
     if capture.mesh_path is None:
         raise InputError("names no mesh", file=capture.file, expected='a "mesh" key')
     given = read_mesh(capture.mesh_path)
     resolution = resolution or default_resolution(given, [frame.camera for frame in capture.frames])
-    mesh = parametrised(given, resolution)
+
+    def cut(given: Mesh, resolution: int) -> Mesh:
+        kept = keeper.kept("unwrapped", lambda: vars(unwrap(given, resolution)))
+        return Mesh(*(kept.rows(name) for name in ("vertices", "faces", "normals", "uv")))
+
+    mesh = parametrised(given, resolution, cut)
     return mesh, RayScene([mesh, *map(read_mesh, capture.occluder_paths)]), resolution
 
 
-def blend_every_texel(
-    rendering: Rendering,
-    basis: GenericBasis,
-    solution: Solution,
-    search: Search = "exact",
-    progress: Progress = SILENT,
-) -> tuple[U32, F32, F32]:
-    """Blend all texels (Eq. 12) by tiles; one that no view sees takes the blend of the nearest seen."""
-    observations = rendering.observations
-    representatives: F64 = solution.representatives
-    M, n = len(observations.offsets) - 1, solution.n
-    index, weight = np.zeros((M, n), dtype=np.uint32), np.zeros((M, n), dtype=np.float32)
-    residual = np.full(M, np.nan, dtype=np.float32)
-    seen = np.flatnonzero(np.diff(observations.offsets) > 0)
-    with progress.stage("Blending texels", len(seen)) as task:
-        for tile in rendering.tiles(seen, PAIRS_AT_ONCE):
-            pairs = rendering.pairs(tile)
-            responses = rendering.representatives(basis, representatives, pairs)
-            best = blend(responses, pairs.radiance, pairs.offsets, n, search=search)
-            index[tile], weight[tile] = best.sparse(n)
-            residual[tile] = rendering.relative_error(pairs, best.squared_error)
-            task.advance(len(tile))
-    unseen = np.flatnonzero(np.diff(observations.offsets) == 0)
-    if len(unseen):
-        position = observations.atlas.position
-        nearest = seen[cKDTree(position[seen]).query(position[unseen])[1]]
-        index[unseen], weight[unseen] = index[nearest], weight[nearest]
-    return index, weight, residual
+def shadows_of(
+    scene: RayScene, atlas: Atlas, progress: Progress = SILENT, keeper: Keeper = IN_MEMORY
+) -> SkyMasks:
+    """The self-shadowing of every texel."""
+
+    def make() -> dict[str, Array]:
+        found = sky_masks(scene, atlas, progress=progress)
+        return {"words": found.words, "of_texel": found.of_texel}
+
+    kept = keeper.kept("sky", make)
+    return SkyMasks(kept.rows("words"), kept.rows("of_texel"))

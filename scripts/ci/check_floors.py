@@ -21,12 +21,13 @@ FLOORS = """
     workflow
     baselines  report  viewer  export  analysis  evaluate
     reconstruct  relight  simulate  prepare
+    streaming
     solve  observe
     response
     surface  light  reflectance  material
     capture
     octahedral
-    arrays  errors  progress  _native
+    arrays  errors  keeping  progress  _native
 """
 """A room may import from the lines below its own, and from nothing else."""
 

@@ -95,7 +95,7 @@ def captured_run(captures: Path) -> Texels:
     """Texels of sphere-merl at 96 x 96, and the responses of 12 recovered representatives."""
     options = ReconstructOptions(96, texels=800, solve=SolveOptions(n=3, N=MOST_N, tolerance=0.02))
     found = reconstruct(read_capture(captures / "sphere-merl").first(6), options)
-    seen = np.flatnonzero(np.diff(found.observations.offsets) > 0)
+    seen = found.observations.seen
     pairs = found.rendering.pairs(seen)
     responses = found.rendering.representatives(found.basis, found.solution.representatives, pairs)
     return responses, pairs.radiance, pairs.offsets

@@ -22,7 +22,7 @@ from scipy import ndimage
 
 from swatchwork.capture import Capture, read_capture
 from swatchwork.material import BasisRecord, Material
-from swatchwork.observe import Rendering, environments_of, observe, stratified
+from swatchwork.observe import Lights, Rendering, observe, stratified
 from swatchwork.reconstruct import ReconstructOptions, surface_of
 from swatchwork.reflectance import basis_by_name
 from swatchwork.relight import RelitScene, relight
@@ -70,8 +70,8 @@ def fitted(capture: Capture, truth: TrueWeights, options: ReconstructOptions) ->
         )
     atlas = build_atlas(mesh, resolution)
     observations = observe(capture, atlas, scene)
-    rendering = Rendering(observations, *environments_of(capture), sky_masks(scene, atlas))
-    texels = stratified(observations, options.texels, options.seed)
+    rendering = Rendering(observations, Lights.of_capture(capture), sky_masks(scene, atlas))
+    texels = stratified(observations, options.texels, options.solve.seed)
     pairs = rendering.pairs(texels)
     centre = np.stack([atlas.col[texels] + 0.5, resolution - (atlas.row[texels] + 0.5)], axis=-1) / resolution
     weights = dense_weights(*truth.at(centre), truth.materials)

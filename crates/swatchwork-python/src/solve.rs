@@ -8,14 +8,24 @@ use numpy::{
 };
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use swatchwork_core::solve::blend::{Search, Texels, blend as blend_texels};
+use swatchwork_core::solve::blend::{
+    Search, Texels, blend as blend_texels, blend_slots as blend_texel_slots,
+};
 use swatchwork_core::solve::hull::MOST;
-use swatchwork_core::solve::nnls::{Status, Workspace};
+use swatchwork_core::solve::nnls::{Quadratic, Status, Workspace};
 use swatchwork_core::solve::problem::Problem;
 use swatchwork_core::solve::representatives;
 
 /// A matrix, a vector and a number beside them, as Python gets them.
 type MatrixVector<'py, T> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>, T);
+
+/// Index, weight, squared error and supports visited, as Python gets them.
+type Slots<'py> = (
+    Bound<'py, PyArray2<u32>>,
+    Bound<'py, PyArray2<f32>>,
+    Bound<'py, PyArray1<f64>>,
+    u64,
+);
 
 /// Texels blended between two looks at Ctrl-C.
 const STRIDE: usize = 4096;
@@ -142,11 +152,14 @@ impl SolverProblem {
     }
 
     /// Optimal representatives for the given weights (Eqs. 6, 7): ([N, J, 3], data term, converged).
+    /// With slack above zero, kernels that alone gain less than that share of the misfit stay out.
+    #[pyo3(signature = (weights, start, slack=0.0))]
     fn representatives<'py>(
         &self,
         py: Python<'py>,
         weights: PyReadonlyArray2<f64>,
         start: PyReadonlyArray3<f64>,
+        slack: f64,
     ) -> PyResult<(Bound<'py, PyArray3<f64>>, f64, bool)> {
         let (values, n) = checked_weights(&weights, self.inner.texels())?;
         if self.check_representatives(&start)? != n {
@@ -155,8 +168,11 @@ impl SolverProblem {
             )));
         }
         let start = slice!(start, "start")?;
+        if !(0.0..1.0).contains(&slack) {
+            return Err(invalid(format!("slack: {slack}; expected 0 up to 1")));
+        }
         let (out, value, status) =
-            py.detach(|| representatives::optimise(&self.inner, values, n, start));
+            py.detach(|| representatives::optimise(&self.inner, values, n, start, slack));
         let out = array3(out, [n, self.inner.kernels, 3]).into_pyarray(py);
         Ok((out, value, status == Status::Converged))
     }
@@ -208,6 +224,96 @@ fn array3<T>(values: Vec<T>, shape: [usize; 3]) -> Array3<T> {
     Array3::from_shape_vec(shape, values).expect("as many values as the shape holds")
 }
 
+/// Validated arguments of a blend.
+struct BlendInput<'a> {
+    responses: &'a [f32],
+    radiance: &'a [f32],
+    offsets: Vec<usize>,
+    representatives: usize,
+    search: Search,
+}
+
+impl<'a> BlendInput<'a> {
+    fn new(
+        responses: &'a PyReadonlyArray3<f32>,
+        radiance: &'a PyReadonlyArray2<f32>,
+        offsets: &PyReadonlyArray1<i64>,
+        most: usize,
+        search: Search,
+    ) -> PyResult<Self> {
+        let shape = responses.shape();
+        let (pairs, n) = (shape[0], shape[1]);
+        if shape[2] != 3 || radiance.shape() != [pairs, 3] || n == 0 || n > MOST || most == 0 {
+            return Err(invalid(format!(
+                "responses {shape:?}, radiance {:?}, most {most}: expected [P, N, 3] with N from 1 to {MOST}, [P, 3], at least 1",
+                radiance.shape()
+            )));
+        }
+        let offsets = checked_offsets(slice!(offsets, "offsets")?, pairs)?;
+        let (responses, radiance) = (
+            slice!(responses, "responses")?,
+            slice!(radiance, "radiance")?,
+        );
+        finite32(responses, "responses")?;
+        finite32(radiance, "radiance")?;
+        Ok(Self {
+            responses,
+            radiance,
+            offsets,
+            representatives: n,
+            search,
+        })
+    }
+
+    fn texels(&self) -> usize {
+        self.offsets.len() - 1
+    }
+
+    /// Hand the texels over in strides, so that Ctrl-C gets through: the first texel of each, and its data.
+    /// The pruned search samples all texels at once.
+    fn in_strides(
+        &self,
+        py: Python<'_>,
+        mut each: impl FnMut(usize, Texels) -> PyResult<()>,
+    ) -> PyResult<()> {
+        let texels = self.texels();
+        let stride = match self.search {
+            Search::Pruned { .. } => texels.max(1),
+            _ => STRIDE,
+        };
+        let row = self.representatives * 3;
+        for first in (0..texels).step_by(stride) {
+            let last = (first + stride).min(texels);
+            let (a, b) = (self.offsets[first], self.offsets[last]);
+            let local: Vec<usize> = self.offsets[first..=last].iter().map(|o| o - a).collect();
+            let part = Texels {
+                responses: &self.responses[a * row..b * row],
+                radiance: &self.radiance[a * 3..b * 3],
+                offsets: &local,
+                representatives: self.representatives,
+            };
+            each(first, part)?;
+            py.check_signals()?;
+        }
+        Ok(())
+    }
+}
+
+fn search_named(name: &str, sample: f64, cover: f64, seed: u64) -> PyResult<Search> {
+    match name {
+        "exact" => Ok(Search::Exact),
+        "brute" => Ok(Search::Brute),
+        "pruned" => Ok(Search::Pruned {
+            sample,
+            cover,
+            seed,
+        }),
+        other => Err(invalid(format!(
+            "search: '{other}'; expected exact, brute or pruned"
+        ))),
+    }
+}
+
 /// Best blends of at most `most` representatives at each texel (Eq. 12):
 /// (weights [M, N], squared error [M], supports visited).
 #[pyfunction]
@@ -225,30 +331,9 @@ fn blend<'py>(
     cover: f64,
     seed: u64,
 ) -> PyResult<MatrixVector<'py, u64>> {
-    let shape = responses.shape();
-    let (pairs, n) = (shape[0], shape[1]);
-    if shape[2] != 3 || radiance.shape() != [pairs, 3] || n == 0 || n > MOST || most == 0 {
-        return Err(invalid(format!(
-            "responses {shape:?}, radiance {:?}, most {most}: expected [P, N, 3] with N from 1 to {MOST}, [P, 3], at least 1",
-            radiance.shape()
-        )));
-    }
-    let offsets = checked_offsets(slice!(offsets, "offsets")?, pairs)?;
-    let texels = offsets.len() - 1;
-    let search = match search {
-        "exact" => Search::Exact,
-        "brute" => Search::Brute,
-        "pruned" => Search::Pruned {
-            sample,
-            cover,
-            seed,
-        },
-        other => {
-            return Err(invalid(format!(
-                "search: '{other}'; expected exact, brute or pruned"
-            )));
-        }
-    };
+    let search = search_named(search, sample, cover, seed)?;
+    let input = BlendInput::new(&responses, &radiance, &offsets, most, search)?;
+    let (texels, n) = (input.texels(), input.representatives);
     let previous = match &previous {
         None => &[][..],
         Some(p) if p.shape() == [texels, n] => slice!(p, "previous")?,
@@ -259,41 +344,62 @@ fn blend<'py>(
             )));
         }
     };
-    let (responses, radiance) = (
-        slice!(responses, "responses")?,
-        slice!(radiance, "radiance")?,
-    );
-    finite32(responses, "responses")?;
-    finite32(radiance, "radiance")?;
-    // The pruned search samples all texels at once; the others go in strides, so that Ctrl-C gets through.
-    let stride = if matches!(search, Search::Pruned { .. }) {
-        texels.max(1)
-    } else {
-        STRIDE
-    };
     let mut weights = Vec::with_capacity(texels * n);
     let mut error = Vec::with_capacity(texels);
     let mut visited = 0;
-    for first in (0..texels).step_by(stride) {
-        let last = (first + stride).min(texels);
-        let (a, b) = (offsets[first], offsets[last]);
-        let local: Vec<usize> = offsets[first..=last].iter().map(|o| o - a).collect();
-        let part = Texels {
-            responses: &responses[a * n * 3..b * n * 3],
-            radiance: &radiance[a * 3..b * 3],
-            offsets: &local,
-            representatives: n,
-        };
+    input.in_strides(py, |first, part| {
+        let last = first + part.offsets.len() - 1;
         let hint = previous.get(first * n..last * n).unwrap_or(&[]);
         let done = py.detach(|| blend_texels(&part, most, search, hint));
         weights.extend(done.weights);
         error.extend(done.error);
         visited += done.visited;
-        py.check_signals()?;
-    }
+        Ok(())
+    })?;
     let weights = Array2::from_shape_vec((texels, n), weights).expect("texels x n");
     Ok((
         weights.into_pyarray(py),
+        Array1::from_vec(error).into_pyarray(py),
+        visited,
+    ))
+}
+
+/// The same as slots, the largest weight first: (index [M, most], weight [M, most], squared error [M],
+/// supports visited).
+#[pyfunction]
+#[pyo3(signature = (responses, radiance, offsets, most, search="exact", sample=0.05, cover=0.99, seed=0))]
+#[allow(clippy::too_many_arguments)] // keyword arguments in Python
+fn blend_slots<'py>(
+    py: Python<'py>,
+    responses: PyReadonlyArray3<f32>,
+    radiance: PyReadonlyArray2<f32>,
+    offsets: PyReadonlyArray1<i64>,
+    most: usize,
+    search: &str,
+    sample: f64,
+    cover: f64,
+    seed: u64,
+) -> PyResult<Slots<'py>> {
+    let search = search_named(search, sample, cover, seed)?;
+    let input = BlendInput::new(&responses, &radiance, &offsets, most, search)?;
+    let texels = input.texels();
+    let mut index = Vec::with_capacity(texels * most);
+    let mut weight = Vec::with_capacity(texels * most);
+    let mut error = Vec::with_capacity(texels);
+    let mut visited = 0;
+    input.in_strides(py, |_, part| {
+        let done = py.detach(|| blend_texel_slots(&part, most, search));
+        index.extend(done.index);
+        weight.extend(done.weight);
+        error.extend(done.error);
+        visited += done.visited;
+        Ok(())
+    })?;
+    let index = Array2::from_shape_vec((texels, most), index).expect("texels x most");
+    let weight = Array2::from_shape_vec((texels, most), weight).expect("texels x most");
+    Ok((
+        index.into_pyarray(py),
+        weight.into_pyarray(py),
         Array1::from_vec(error).into_pyarray(py),
         visited,
     ))
@@ -322,13 +428,17 @@ fn nnls<'py>(
     finite(b, "b")?;
     let mut x = slice!(start, "start")?.to_vec();
     finite(&x, "start")?;
-    let status = py.detach(|| Workspace::default().solve(h, b, |_| true, &mut x, tolerance));
+    let status = py.detach(|| {
+        let quadratic = Quadratic { h, b, block: size };
+        Workspace::default().solve(&quadratic, &mut x, tolerance)
+    });
     Ok((x.into_pyarray(py), status == Status::Converged))
 }
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<SolverProblem>()?;
     module.add_function(wrap_pyfunction!(blend, module)?)?;
+    module.add_function(wrap_pyfunction!(blend_slots, module)?)?;
     module.add_function(wrap_pyfunction!(nnls, module)?)?;
     Ok(())
 }

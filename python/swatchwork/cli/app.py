@@ -101,5 +101,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1
     # Older typers raise on Ctrl-C, newer ones return the code themselves.
     if code == INTERRUPTED:
-        stderr().print("interrupted; nothing was half-written", style="yellow")
+        stderr().print(
+            "interrupted; nothing was half-written, and the same command goes on from what is finished",
+            style="yellow",
+        )
     return code

@@ -153,6 +153,15 @@ def reconstruct(
             rich_help_panel=SEARCH,
         ),
     ] = 4000,
+    memory: Annotated[
+        float,
+        typer.Option(
+            min=0.7,
+            metavar="GB",
+            help="Memory to stay within, about: it bounds tiles and what the search may hold.",
+            rich_help_panel=SEARCH,
+        ),
+    ] = 2.0,
     seed: Seed = 0,
     threads: Threads = None,
     as_json: AsJson = False,
@@ -162,7 +171,8 @@ def reconstruct(
     """Recover an object's material from a capture: photographs, mesh, environment.
 
     Writes a material folder: the materials found (svbrdf.json), where they are (blend.exr), the mesh,
-    maps, and report.html, the page to open first. The folder appears whole or not at all.
+    maps, and report.html, the page to open first. The folder appears whole or not at all; finished parts are
+    kept in OUTPUT.partial meanwhile, and after an interruption the same command goes on from them.
 
     Examples:
 
@@ -188,7 +198,7 @@ def reconstruct(
         search_order=search_order.value,
         seed=seed,
     )
-    options = ReconstructOptions(resolution, basis.value, texels, solve, seed, weighting.value)
+    options = ReconstructOptions(resolution, basis.value, texels, solve, weighting.value, memory)
     with session(as_json=as_json, quiet=quiet, verbose=verbose) as run:
         summary = reconstruct_folder(capture, output, options, views=views, progress=run.progress)
         run.say(summary.in_words())

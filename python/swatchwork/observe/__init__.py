@@ -3,6 +3,6 @@
 """Observe: photographs resampled onto the atlas, and the rendering operator of what was observed."""
 
 from swatchwork.observe.observations import Observations, observe
-from swatchwork.observe.rendering import Pairs, Rendering, Weighting, environments_of, stratified
+from swatchwork.observe.rendering import Lights, Pairs, Rendering, Weighting, stratified
 
-__all__ = ["Observations", "Pairs", "Rendering", "Weighting", "environments_of", "observe", "stratified"]
+__all__ = ["Lights", "Observations", "Pairs", "Rendering", "Weighting", "observe", "stratified"]

@@ -7,12 +7,14 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property, partial
 
 import numpy as np
 
-from swatchwork.arrays import F32, I32, I64, unit
+from swatchwork.arrays import F32, F64, I32, I64, dot, unit
 from swatchwork.capture import Capture, Frame, Photograph, read_photograph
 from swatchwork.errors import CaptureWarning, InputError
+from swatchwork.keeping import IN_MEMORY, Array, Keeper, Kept
 from swatchwork.observe.pixels import PixelMap, pixel_map
 from swatchwork.observe.sample import sample
 from swatchwork.progress import SILENT, Progress
@@ -22,26 +24,99 @@ from swatchwork.surface import Atlas, RayScene, sees
 SILHOUETTE_AGREEMENT = 0.9
 
 
-@dataclass(frozen=True)
-class Observations:
-    """P visible (texel, view) pairs, ordered by texel, then frame; what is missing is not in the list.
+BLOCK = 1024
+"""Texels between the places that are remembered in a frame's samples."""
+SURVEYED = 1 << 20
+"""Samples, at most, that the typical energy is the median of."""
 
-    The pairs of texel x are ``offsets[x]:offsets[x + 1]``, I64[M + 1]. ``texel``, ``frame`` I32[P];
-    ``radiance`` F32[P, 3], not premultiplied; ``to_viewer`` F32[P, 3], unit, world; ``cosine`` F32[P],
-    shading normal with viewer; ``coverage`` I32[M], views of each texel.
+
+@dataclass(frozen=True)
+class SeenPairs:
+    """The P visible (texel, view) pairs of some texels, ordered by texel, then frame.
+
+    ``texels`` I64[T]; those of texel t are ``offsets[t]:offsets[t + 1]``, I64[T + 1]. ``texel`` I64[P] in the
+    atlas; ``frame`` I32[P]; ``radiance`` F32[P, 3], not premultiplied; ``to_viewer`` F32[P, 3], unit, world;
+    ``cosine`` F32[P], shading normal with viewer.
     """
 
-    atlas: Atlas
+    texels: I64
     offsets: I64
-    texel: I32
+    texel: I64
     frame: I32
     radiance: F32
     to_viewer: F32
     cosine: F32
-    coverage: I32
 
     def __len__(self) -> int:
         return len(self.texel)
+
+
+@dataclass(frozen=True)
+class Observations:
+    """What each frame shows of each texel. Samples stay where the keeper put them, frame by frame.
+
+    ``viewer`` F64[k, 3], camera positions; ``samples``, a frame each: ``texel`` I32[S], rising, and
+    ``radiance`` F32[S, 3]; ``coverage`` I32[M], views of each texel; ``starts`` I64[k, blocks + 1], where
+    each block of texels begins in each frame's samples.
+    """
+
+    atlas: Atlas
+    viewer: F64
+    samples: tuple[Kept, ...]
+    coverage: I32
+    starts: I64
+
+    def __len__(self) -> int:
+        return int(self.starts[:, -1].sum())
+
+    @property
+    def seen(self) -> I64:
+        """Texels that some view sees."""
+        return np.flatnonzero(self.coverage)
+
+    def pairs(self, texels: I64) -> SeenPairs:
+        """The pairs of ``texels`` [T], which must rise."""
+        low, high = (int(texels[0]), int(texels[-1]) + 1) if len(texels) else (0, 0)
+        place = np.full(high - low, -1, dtype=np.int64)
+        place[texels - low] = np.arange(len(texels))
+        first, last = low // BLOCK, -(-high // BLOCK)
+        places, frames, radiances = (
+            [np.zeros(0, np.int64)],
+            [np.zeros(0, np.int32)],
+            [np.zeros((0, 3), np.float32)],
+        )
+        for frame, (kept, starts) in enumerate(zip(self.samples, self.starts, strict=True)):
+            begin, end = int(starts[first]), int(starts[last])
+            texel = kept.rows("texel", begin, end)
+            inside = np.flatnonzero((texel >= low) & (texel < high))
+            at = place[texel[inside] - low]
+            wanted = at >= 0
+            places.append(at[wanted])
+            frames.append(np.full(len(places[-1]), frame, dtype=np.int32))
+            radiances.append(kept.rows("radiance", begin, end)[inside[wanted]])
+        at = np.concatenate(places)
+        order = np.argsort(at, kind="stable")
+        at, frame_of = at[order], np.concatenate(frames)[order]
+        texel = texels[at]
+        to_viewer = unit(self.viewer[frame_of] - self.atlas.position[texel])
+        return SeenPairs(
+            texels=texels,
+            offsets=np.concatenate([[0], np.cumsum(np.bincount(at, minlength=len(texels)))]).astype(np.int64),
+            texel=texel,
+            frame=frame_of,
+            radiance=np.concatenate(radiances)[order],
+            to_viewer=to_viewer.astype(np.float32),
+            cosine=dot(to_viewer, self.atlas.normal[texel]).astype(np.float32),
+        )
+
+    @cached_property
+    def typical(self) -> float:
+        """Median of |radiance|^2 over (an even share of) all pairs."""
+        stride = -(-len(self) // SURVEYED)
+        energy = [
+            (kept.rows("radiance")[::stride].astype(np.float64) ** 2).sum(axis=1) for kept in self.samples
+        ]
+        return max(float(np.median(np.concatenate(energy))), 1e-30)
 
 
 def observe(
@@ -51,6 +126,7 @@ def observe(
     *,
     read: Callable[[Frame], Photograph] = read_photograph,
     progress: Progress = SILENT,
+    keeper: Keeper = IN_MEMORY,
 ) -> Observations:
     """Sample every photograph at the texels it shows.
 
@@ -59,6 +135,7 @@ def observe(
         atlas: of the mesh that comes first in ``scene``.
         scene: the object and its occluders.
         read: how a frame becomes a photograph (synthetic captures pass their own).
+        keeper: where samples are kept, by frame.
 
     Raises:
         InputError: a frame shows no texel, or there are no frames. Texels that no frame shows have
@@ -69,56 +146,56 @@ def observe(
     """
     if not capture.frames:
         raise InputError("there are no frames", file=capture.file, expected="at least one photograph")
-    texels: list[I64] = []
-    radiances: list[F32] = []
+    samples = []
     with progress.stage("Observing", len(capture.frames)) as task:
-        for frame in capture.frames:
+        for number, frame in enumerate(capture.frames):
             task.describe(frame.name)
-            photograph = read(frame)
-            pixels = pixel_map(scene, frame.camera)
-            texel = np.flatnonzero(sees(scene, atlas, frame.camera))
-            radiance, kept = sample(atlas, texel, frame.camera, pixels, photograph)
-            if not kept.any():
-                raise _nothing_seen(capture, frame, len(texel))
-            _check_silhouette(capture, frame, photograph, pixels)
-            texels.append(texel[kept])
-            radiances.append(radiance[kept])
+            make = partial(_sampled, capture, frame, atlas, scene, read)
+            kept = keeper.kept(f"observe-{number:04d}", make)
+            _check_silhouette(capture, frame, float(kept.rows("overlap")[0]))
+            samples.append(kept)
             task.advance()
-    return _gathered(capture, atlas, texels, radiances)
+    coverage = np.zeros(len(atlas), dtype=np.int32)
+    edges = np.arange(0, len(atlas) + BLOCK, BLOCK)
+    starts = np.zeros((len(samples), len(edges)), dtype=np.int64)
+    for kept, start in zip(samples, starts, strict=True):
+        texel = kept.rows("texel")
+        coverage[texel] += 1
+        start[:] = np.searchsorted(texel, edges)
+    viewer = np.stack([frame.camera.position for frame in capture.frames])
+    return Observations(atlas, viewer, tuple(samples), coverage, starts)
 
 
-def _gathered(capture: Capture, atlas: Atlas, texels: list[I64], radiances: list[F32]) -> Observations:
-    texel = np.concatenate(texels)
-    frame = np.repeat(np.arange(len(texels)), [len(part) for part in texels])
-    order = np.argsort(texel, kind="stable")
-    texel, frame = texel[order], frame[order]
-    coverage = np.bincount(texel, minlength=len(atlas))
-    position = np.stack([f.camera.position for f in capture.frames])
-    to_viewer = unit(position[frame] - atlas.position[texel])
-    return Observations(
-        atlas=atlas,
-        offsets=np.concatenate([[0], np.cumsum(coverage)]).astype(np.int64),
-        texel=texel.astype(np.int32),
-        frame=frame.astype(np.int32),
-        radiance=np.concatenate(radiances)[order],
-        to_viewer=to_viewer.astype(np.float32),
-        cosine=(to_viewer * atlas.normal[texel]).sum(axis=1).astype(np.float32),
-        coverage=coverage.astype(np.int32),
-    )
+def _sampled(
+    capture: Capture, frame: Frame, atlas: Atlas, scene: RayScene, read: Callable[[Frame], Photograph]
+) -> dict[str, Array]:
+    """A frame's ``texel`` I32[S] and ``radiance`` F32[S, 3], and how its silhouette overlaps the mesh's."""
+    photograph = read(frame)
+    pixels = pixel_map(scene, frame.camera)
+    texel = np.flatnonzero(sees(scene, atlas, frame.camera))
+    radiance, kept = sample(atlas, texel, frame.camera, pixels, photograph)
+    if not kept.any():
+        raise _nothing_seen(capture, frame, len(texel))
+    overlap = np.array([_overlap(photograph, pixels)])
+    return {"texel": texel[kept].astype(np.int32), "radiance": radiance[kept], "overlap": overlap}
 
 
-def _check_silhouette(capture: Capture, frame: Frame, photograph: Photograph, pixels: PixelMap) -> None:
+def _overlap(photograph: Photograph, pixels: PixelMap) -> float:
+    """Intersection over union of mask (or alpha) and the mesh's silhouette; NaN where there is no mask."""
     if (photograph.alpha < 1).any():
         shown = photograph.alpha.ravel() > 0.5
     elif photograph.mask is not None:
         # Not `valid`: clipped highlights lie on the object all the same.
         shown = photograph.mask.ravel()
     else:
-        return
+        return float("nan")
     # Whether a mask includes the occluders is the photographer's choice.
     compared = ~pixels.blocked
     union = ((shown | pixels.centre) & compared).sum()
-    overlap = (shown & pixels.centre & compared).sum() / max(union, 1)
+    return float((shown & pixels.centre & compared).sum() / max(union, 1))
+
+
+def _check_silhouette(capture: Capture, frame: Frame, overlap: float) -> None:
     if overlap < SILHOUETTE_AGREEMENT:
         message = (
             f"{capture.file}: frame {frame.name}: its mask and the mesh's silhouette overlap by "

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swatchwork.arrays import F64, Bool, unit
+from swatchwork.arrays import F64, I32, Bool, norm
 from swatchwork.capture import Camera
-from swatchwork.surface import RayScene
+from swatchwork.surface import RayScene, each_of
 
 # Sub-pixel rays along each side, for pixels near a silhouette, a depth discontinuity or a grazing slope.
 SUBPIXELS = 4
@@ -57,7 +57,7 @@ def pixel_map(scene: RayScene, camera: Camera) -> PixelMap:
         p, n, m = _hits(scene, camera, inside)
         shape = (len(critical), len(grid))
         p, n, m = p.reshape(*shape, 3), n.reshape(*shape, 3), m.reshape(shape)
-        depth = np.where(m == 0, np.linalg.norm(p - camera.position, axis=2), np.nan)
+        depth = np.where(m == 0, norm(p - camera.position), np.nan)
         cover[critical] = (m == 0).mean(axis=1)
         blocked[critical] = (m > 0).any(axis=1)
         some = np.flatnonzero((m == 0).any(axis=1))
@@ -69,30 +69,38 @@ def pixel_map(scene: RayScene, camera: Camera) -> PixelMap:
     return PixelMap(near, far, near_normal, far_normal, cover, blocked, mine[:, 0])
 
 
-def _hits(scene: RayScene, camera: Camera, uv_px: F64) -> tuple[F64, F64, F64]:
+def _hits(scene: RayScene, camera: Camera, uv_px: F64) -> tuple[F64, F64, I32]:
     """First hits through image points [R, 2]: point [R, 3], unit normal [R, 3], mesh [R] (-1: none)."""
-    direction = camera.rays(uv_px)
-    looks = np.asarray(np.isfinite(direction).all(axis=1))
-    direction = np.where(looks[:, None], direction, (0.0, 0.0, 1.0))
-    hit = scene.first_hit(np.broadcast_to(camera.position, direction.shape), direction)
-    mesh = np.where(looks, hit.mesh, -1)
-    mine = np.flatnonzero(mesh == 0)
-    point, normal = np.full(direction.shape, np.nan), np.full(direction.shape, np.nan)
-    point[mine] = camera.position + hit.t[mine, None] * direction[mine]
-    normal[mine] = unit(scene.meshes[0].crosses)[hit.face[mine]]
+    point, normal = np.full((len(uv_px), 3), np.nan), np.full((len(uv_px), 3), np.nan)
+    mesh = np.full(len(uv_px), -1, dtype=np.int32)
+
+    def look(part: slice) -> None:
+        direction = camera.rays(uv_px[part])
+        looks = np.flatnonzero(np.isfinite(direction).all(axis=1))
+        direction = direction[looks]
+        origin = np.broadcast_to(camera.position, direction.shape)
+        hit = scene.cast(origin, direction, np.full(len(looks), np.inf), "INTERSECT")
+        found = hit["geomID"].astype(np.int32)
+        mesh[part][looks] = found
+        mine = np.flatnonzero(found == 0)
+        place = looks[mine]
+        point[part][place] = camera.position + hit["tfar"][mine, None].astype(np.float64) * direction[mine]
+        normal[part][place] = scene.face_normal[hit["primID"][mine]]
+
+    each_of(look, len(uv_px))
     return point, normal, mesh
 
 
-def _critical(point: F64, mesh: F64, camera: Camera) -> Bool:
+def _critical(point: F64, mesh: I32, camera: Camera) -> Bool:
     """Bool[H * W]: pixels beside one that shows something else, or the same surface a step away."""
-    pixel = np.linalg.norm(point - camera.position, axis=2) / np.sqrt(camera.fx * camera.fy)
+    pixel = norm(point - camera.position) / np.sqrt(camera.fx * camera.fy)
     critical: Bool = np.zeros(mesh.shape, dtype=bool)
     for axis in (0, 1):
         one: tuple[slice, ...] = (
             (slice(None, -1), slice(None)) if axis == 0 else (slice(None), slice(None, -1))
         )
         two: tuple[slice, ...] = (slice(1, None), slice(None)) if axis == 0 else (slice(None), slice(1, None))
-        away = np.linalg.norm(point[one] - point[two], axis=2)
+        away = norm(point[one] - point[two])
         # NaN (something other than the object) compares false on the right, and so counts as a step.
         step = ~(away <= STEP * np.minimum(pixel[one], pixel[two]))
         step &= (mesh[one] == 0) | (mesh[two] == 0) | (mesh[one] != mesh[two])

@@ -16,42 +16,40 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Literal
 
 import numpy as np
 
-from ..arrays import F32, F64, I32, I64
+from ..arrays import DARK, F32, F64, I32, I64, Bool
 from ..capture import Capture
 from ..light import Environment, read_environment
 from ..reflectance import GenericBasis
 from ..response import generic_responses, representative_responses
-from ..surface import SkyMasks
-from .observations import Observations
+from ..surface import SkyMasks, turned
+from .observations import Observations, SeenPairs
 
 Weighting = Literal["projected", "equal"]
-
-DARK = 0.02
-"""A pair darker than this share of the median pair counts as that dark in a relative error: as in `solve`."""
 
 
 @dataclass(frozen=True)
 class Pairs:
     """The pairs of some texels: texel t of them has pairs ``offsets[t]:offsets[t + 1]`` of ``radiance``."""
 
-    pair: I64
-    """[P] numbers of the pairs in the observations."""
-    offsets: I64
-    """[T + 1]"""
+    seen: SeenPairs
     radiance: F32
     """[P, 3] measured, weighted."""
     weight: F32
     """[P] square roots of the measurements' weights; they are factors of radiance and responses."""
 
+    @property
+    def offsets(self) -> I64:
+        """[T + 1]"""
+        return self.seen.offsets
+
 
 def stratified(observations: Observations, count: int, seed: int) -> I64:
     """About ``count`` texels that some view sees: a random one of each equal run along the atlas."""
-    seen = np.flatnonzero(np.diff(observations.offsets) > 0)
+    seen = observations.seen
     if count >= len(seen):
         return seen
     edges = np.linspace(0, len(seen), count + 1)
@@ -59,47 +57,71 @@ def stratified(observations: Observations, count: int, seed: int) -> I64:
     return seen[np.unique(places.astype(np.int64))]
 
 
-def environments_of(capture: Capture) -> tuple[tuple[Environment, ...], I32]:
-    """The capture's different environments, each read once, and which of them lights each frame [k]."""
-    sources: list[tuple[str, str, bytes]] = []
-    environments: list[Environment] = []
-    of_frame = np.zeros(len(capture.frames), dtype=np.int32)
-    for i, frame in enumerate(capture.frames):
-        source = frame.environment or capture.environment
-        assert source is not None, "read_capture requires an environment"
-        key = (str(source.file), source.convention, np.asarray(source.world_from_environment).tobytes())
-        if key not in sources:
-            sources.append(key)
-            environments.append(read_environment(source))
-        of_frame[i] = sources.index(key)
-    return tuple(environments), of_frame
+@dataclass(frozen=True)
+class Lights:
+    """The light of each frame: one of the environments, turned."""
+
+    environments: tuple[Environment, ...]
+    of_frame: I32
+    """[k] which environment lights it."""
+    turn: F64
+    """[k, 3, 3] rotation that takes that environment, as it stands, to where it stands in the frame."""
+
+    @classmethod
+    def of_capture(cls, capture: Capture) -> Lights:
+        """The capture's environments; a file that many frames turn is read, and prepared, once."""
+        places: dict[tuple[str, str], int] = {}
+        environments: list[Environment] = []
+        of_frame, turn = np.zeros(len(capture.frames), dtype=np.int32), np.empty((len(capture.frames), 3, 3))
+        for i, frame in enumerate(capture.frames):
+            source = frame.environment or capture.environment
+            assert source is not None, "read_capture requires an environment"
+            key = (str(source.file), source.convention)
+            if key not in places:
+                places[key] = len(environments)
+                environments.append(read_environment(source))
+            of_frame[i] = places[key]
+            turn[i] = source.world_from_environment @ environments[places[key]].world_from_environment.T
+        return cls(tuple(environments), of_frame, turn)
+
+    def of(self, frame: int) -> Environment:
+        """The light of a frame as it stands there."""
+        environment: Environment = self.environments[int(self.of_frame[frame])]
+        turn = self.turn[frame]
+        return environment if _still(turn) else environment.rotated(turn)
+
+    def groups(self) -> Iterator[tuple[Environment, F64, Bool]]:
+        """Environment, rotation, and which frames [k] they light."""
+        for e, environment in enumerate(self.environments):
+            left = self.of_frame == e
+            while left.any():
+                turn = self.turn[np.argmax(left)]
+                alike = left & (np.abs(self.turn - turn).max(axis=(1, 2)) < 1e-9)
+                yield environment, turn, alike
+                left &= ~alike
+
+
+def _still(turn: F64) -> bool:
+    return bool(np.abs(turn - np.eye(3)).max() < 1e-9)
 
 
 class Rendering:
-    """R_x for the pairs of ``observations``, lit by each frame's environment, shadowed by ``sky``.
+    """R_x for the pairs of ``observations``, under each frame's light, shadowed by ``sky``.
 
     ``weighting``: ``projected`` weighs measurements by n.o, ``equal`` all alike (the paper's Eq. 5).
     """
 
     def __init__(
-        self,
-        observations: Observations,
-        environments: tuple[Environment, ...],
-        environment_of_frame: I32,
-        sky: SkyMasks,
-        weighting: Weighting = "projected",
+        self, observations: Observations, lights: Lights, sky: SkyMasks, weighting: Weighting = "projected"
     ) -> None:
         self.observations, self.sky, self.weighting = observations, sky, weighting
-        self.environments, self.environment_of_frame = environments, environment_of_frame
+        self.lights, self._groups = lights, list(lights.groups())
 
     def pairs(self, texels: I64) -> Pairs:
-        """The measured pairs of ``texels`` [T], in their order."""
-        start, stop = self.observations.offsets[texels], self.observations.offsets[texels + 1]
-        offsets = np.concatenate([[0], np.cumsum(stop - start)]).astype(np.int64)
-        pair = np.arange(offsets[-1]) + np.repeat(start - offsets[:-1], stop - start)
-        cosine = self.observations.cosine[pair]
-        weight = np.sqrt(cosine) if self.weighting == "projected" else np.ones_like(cosine)
-        return Pairs(pair, offsets, self.observations.radiance[pair] * weight[:, None], weight)
+        """The measured pairs of ``texels`` [T], which must rise."""
+        seen = self.observations.pairs(texels)
+        weight = np.sqrt(seen.cosine) if self.weighting == "projected" else np.ones_like(seen.cosine)
+        return Pairs(seen, seen.radiance * weight[:, None], weight)
 
     def generic(self, basis: GenericBasis, pairs: Pairs) -> F32:
         """Responses of the generic kernels [P, J, 3] (Eq. 13)."""
@@ -110,38 +132,43 @@ class Rendering:
         count = len(representatives)
         return self._each(pairs, count, lambda *a: representative_responses(basis, representatives, *a))
 
-    def tiles(self, texels: I64, pairs_at_once: int) -> Iterator[I64]:
+    def tiles(self, texels: I64, pairs_at_once: int) -> list[I64]:
         """``texels`` cut into runs that have about ``pairs_at_once`` pairs each."""
-        counts = np.cumsum(self.observations.offsets[texels + 1] - self.observations.offsets[texels])
+        counts = np.cumsum(self.observations.coverage[texels], dtype=np.int64)
         total = int(counts[-1]) if len(counts) else 0
         cuts = np.searchsorted(counts, np.arange(pairs_at_once, total, pairs_at_once), side="right")
-        yield from (tile for tile in np.split(texels, np.unique(cuts)) if len(tile))
+        return [tile for tile in np.split(texels, np.unique(cuts)) if len(tile)]
 
     def relative_error(self, pairs: Pairs, squared_error: F64) -> F64:
         """|s_hat - s| / |s_hat| [T] of texels, from |s_hat - s|^2; near-black ones count as dark grey."""
         views = np.diff(pairs.offsets)
         energy = np.add.reduceat((pairs.radiance.astype(np.float64) ** 2).sum(axis=1), pairs.offsets[:-1])
-        return np.asarray(np.sqrt(squared_error / np.maximum(energy, DARK**2 * self._typical * views)))
-
-    @cached_property
-    def _typical(self) -> float:
-        o = self.observations
-        return max(float(np.median((o.radiance.astype(np.float64) ** 2).sum(axis=1))), 1e-30)
+        floor = DARK**2 * self.observations.typical * views
+        return np.asarray(np.sqrt(squared_error / np.maximum(energy, floor)))
 
     def _each(self, pairs: Pairs, columns: int, responses: Callable[..., F32]) -> F32:
-        o = self.observations
-        texel, lit_by = o.texel[pairs.pair], self.environment_of_frame[o.frame[pairs.pair]]
-        out = np.zeros((len(texel), columns, 3), dtype=np.float32)
-        for e, environment in enumerate(self.environments):
-            here = np.flatnonzero(lit_by == e)
+        seen, sky = pairs.seen, self.sky
+        normal = self.observations.atlas.normal[seen.texel]
+        row = sky.of_texel[seen.texel]
+        out: F32 | None = None
+        for environment, turn, frames in self._groups:
+            here = np.flatnonzero(frames[seen.frame])
             if not len(here):
                 continue
-            found = responses(
-                environment.pyramid(),
-                np.ascontiguousarray(o.atlas.normal[texel[here]], dtype=np.float32),
-                np.ascontiguousarray(o.to_viewer[pairs.pair[here]]),
-                self.sky.words,
-                np.ascontiguousarray(self.sky.of_texel[texel[here]]),
-            )
-            out[here] = found * pairs.weight[here, None, None]
-        return out
+            whole = len(here) == len(seen)
+            n, o = (a if whole else a[here] for a in (normal, seen.to_viewer))
+            rows: I32 = row if whole else row[here]
+            words = sky.words
+            if not _still(turn):
+                # The light stands still and the surface turns instead.
+                n, o = (a @ turn.astype(np.float32) for a in (n, o))
+                used, place = np.unique(rows, return_inverse=True)
+                clear = int(used[0] < 0)
+                words, rows = turned(sky.words[used[clear:]], turn), (place - clear).astype(np.int32)
+            found = responses(environment.pyramid(), n, o, words, rows)
+            found *= pairs.weight[here, None, None]
+            if whole:
+                return found
+            out = np.zeros((len(seen), columns, 3), dtype=np.float32) if out is None else out
+            out[here] = found
+        return np.zeros((len(seen), columns, 3), dtype=np.float32) if out is None else out

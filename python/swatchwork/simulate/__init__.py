@@ -5,7 +5,17 @@
 from .blends import blend_pattern, dense_weights
 from .captures import SyntheticCapture, simulate_capture
 from .environments import KINDS, procedural_environment
-from .materials import Lobe, Recipe, four_materials, ggx_basis, ggx_mixture, in_basis, in_ggx, satin_materials
+from .materials import (
+    Lobe,
+    Recipe,
+    four_materials,
+    ggx_basis,
+    ggx_mixture,
+    in_basis,
+    in_ggx,
+    many_materials,
+    satin_materials,
+)
 from .photographs import Subject, photograph
 from .problem import Pairs, SyntheticProblem, fibonacci_sphere, two_of_four
 from .shapes import SHAPES, shape
@@ -30,6 +40,7 @@ __all__ = [
     "in_basis",
     "in_ggx",
     "look_at",
+    "many_materials",
     "photograph",
     "procedural_environment",
     "random_directions",

@@ -71,6 +71,47 @@ def satin_materials(seed: int = 0) -> tuple[Recipe, ...]:
     )
 
 
+def many_materials(count: int, seed: int = 0) -> tuple[Recipe, ...]:
+    """``count`` distinct plastics, metals, glazes over an undercoat and matte ones, in turn.
+
+    Hues keep a golden section of the circle apart, and values differ. Roughness spreads in equal ratios over
+    a kind's range: 0.05 to 0.25 for plastics, 0.08 to 0.35 for metals, 0.05 to 0.1 over 0.2 to 0.4 for
+    glazes, 0.25 to 0.45 for matte ones. Fresnel tau is a dielectric's at normal incidence, 0.03 to 0.08
+    (refractive index 1.4 to 1.8), or a metal's, 0.7 to 0.9.
+    """
+    rng = np.random.default_rng([seed, 6])
+    hues = (rng.uniform() + 0.618 * np.arange(count) + rng.uniform(-0.02, 0.02, count)) % 1
+    kinds = 4
+    of_kind = max(1, -(-count // kinds))
+    # Roughness and value are shuffled apart, lest rank in the one tell the other.
+    ranks = [[rng.permutation(of_kind) for _ in range(2)] for _ in range(kinds)]
+
+    def recipe(i: int) -> Recipe:
+        kind, turn = i % kinds, i // kinds
+        rough, bright = ((ranks[kind][q][turn] + rng.uniform(0.25, 0.75)) / of_kind for q in range(2))
+        hue, dielectric = float(hues[i]), float(rng.uniform(0.03, 0.08))
+
+        def between(low: float, high: float) -> float:
+            return float(low * (high / low) ** rough)
+
+        if kind == 0:
+            coat = Lobe(_white(0.8), between(0.05, 0.25), dielectric)
+            return Recipe(f"plastic {turn}", _colour(hue, 0.7, 0.15 + 0.55 * bright), (coat,))
+        if kind == 1:
+            metal = Lobe(
+                _colour(hue, 0.45, 0.5 + 0.45 * bright), between(0.08, 0.35), float(rng.uniform(0.7, 0.9))
+            )
+            return Recipe(f"metal {turn}", _white(0.0), (metal,))
+        if kind == 2:
+            coat = Lobe(_white(0.8), between(0.05, 0.1), dielectric)
+            under = Lobe(_colour(hue, 0.6, 0.2 + 0.3 * bright), between(0.2, 0.4), 0.7)
+            return Recipe(f"glaze {turn}", _colour(hue, 0.85, 0.1 + 0.2 * bright), (coat, under))
+        matte = Lobe(_white(0.5), between(0.25, 0.45), dielectric)
+        return Recipe(f"matte {turn}", _colour(hue, 0.6, 0.1 + 0.65 * bright), (matte,))
+
+    return tuple(recipe(i) for i in range(count))
+
+
 def _hues(seed: int) -> tuple[np.random.Generator, F64]:
     """Four random, well separated hues, and the generator for the rest."""
     rng = np.random.default_rng([seed, 2])

@@ -11,7 +11,7 @@ import numpy as np
 from ..arrays import F64, unit
 from ..surface import Mesh
 
-SHAPES = ("sphere", "peanut", "blob", "knot")
+SHAPES = ("sphere", "peanut", "blob", "knot", "plate")
 MARGIN = 0.01
 """Rim of the UV square left empty, for filters."""
 
@@ -20,8 +20,8 @@ def shape(name: str, rows: int = 64) -> Mesh:
     """A shape by name, its grid ``rows`` high.
 
     ``sphere`` is the unit sphere; ``peanut`` a gently curved shape with a waist; ``blob`` two bumpy lobes
-    with a waist, which shadow each other; ``knot`` a trefoil tube, which also hides itself. Normals are
-    exact, not the facets'.
+    with a waist, which shadow each other; ``knot`` a trefoil tube, which also hides itself; ``plate`` a round
+    slab, a third as thick as wide and with rounded edges, on its edge. Normals are exact, not the facets'.
     """
     if name == "sphere":
         return _star(lambda d: np.ones(len(d)), rows)
@@ -31,6 +31,8 @@ def shape(name: str, rows: int = 64) -> Mesh:
         return _star(_blob_radius, rows)
     if name == "knot":
         return _knot(rows)
+    if name == "plate":
+        return _star(_plate_radius, rows)
     raise ValueError(f"no shape {name!r}; expected one of {', '.join(SHAPES)}")
 
 
@@ -42,6 +44,11 @@ def _peanut_radius(d: F64) -> F64:
 def _blob_radius(d: F64) -> F64:
     bumps = np.sin(7 * d[:, 0] + 1) * np.sin(6 * d[:, 1]) * np.sin(7 * d[:, 2] + 2)
     return np.asarray(0.38 + 0.55 * d[:, 0] ** 2 + 0.06 * bumps, dtype=np.float64)
+
+
+def _plate_radius(d: F64) -> F64:
+    """|x / 0.35|^4 + (y^2 + z^2)^2 = 1: flat faces look along x, away from the poles of the grid."""
+    return np.asarray(((d[:, 0] / 0.35) ** 4 + (d[:, 1] ** 2 + d[:, 2] ** 2) ** 2) ** -0.25, dtype=np.float64)
 
 
 def _star(radius: Callable[[F64], F64], rows: int) -> Mesh:

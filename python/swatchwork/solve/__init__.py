@@ -9,11 +9,11 @@ and sparse blend weights out, with a status and the history of the search.
 from __future__ import annotations
 
 from .alternation import Alternation, alternate
-from .blending import Blend, Search, blend
+from .blending import Blend, Search, SparseBlend, blend, sparse_blend
 from .options import SolveOptions
 from .penalties import Penalties
 from .problem import Problem
-from .search import solve
+from .search import resume, solve
 from .solution import Solution, Step
 
 __all__ = [
@@ -24,8 +24,11 @@ __all__ = [
     "Search",
     "Solution",
     "SolveOptions",
+    "SparseBlend",
     "Step",
     "alternate",
     "blend",
+    "resume",
     "solve",
+    "sparse_blend",
 ]

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from .._native import blend as native_blend
+from .._native import blend_slots
 from ..arrays import F32, F64, I64, U32
 
 Search = Literal["exact", "pruned", "brute"]
@@ -42,6 +43,20 @@ class Blend:
         weight = np.pad(weight, ((0, 0), (0, unused)))
         index = np.where(weight > 0, order, order[:, :1])
         return index.astype(np.uint32), weight.astype(np.float32)
+
+
+@dataclass(frozen=True)
+class SparseBlend:
+    """Blend weights of M texels in n slots each: what large tiles keep."""
+
+    index: U32
+    """[M, n] representatives, the largest weight first; an unused slot repeats the first."""
+    weight: F32
+    """[M, n] rows sum to 1; unused slots have weight 0."""
+    squared_error: F64
+    """[M] ||s_hat_x - s_x||^2."""
+    visited: int
+    """Supports (relaxations) looked at, over all texels."""
 
 
 def blend(
@@ -77,3 +92,21 @@ def blend(
         seed,
     )
     return Blend(weights, squared_error, visited)
+
+
+def sparse_blend(
+    responses: F32, radiance: F32, offsets: I64, n: int, *, search: Search = "exact", seed: int = 0
+) -> SparseBlend:
+    """The same blends as ``blend``, in n slots a texel and 32 bits."""
+    return SparseBlend(
+        *blend_slots(
+            np.ascontiguousarray(responses, dtype=np.float32),
+            np.ascontiguousarray(radiance, dtype=np.float32),
+            np.ascontiguousarray(offsets, dtype=np.int64),
+            n,
+            search,
+            PRUNING_SAMPLE,
+            PRUNING_COVER,
+            seed,
+        )
+    )

@@ -50,7 +50,7 @@ def with_new(
 
 def grow(problem: Problem, model: Alternation, n: int, options: SolveOptions) -> Alternation:
     """The best of several ways to add a representative, after a few alternations."""
-    error = problem.gamma * model.squared_error
+    error = problem.relative(model.squared_error)
     trials = []
     for share in WORST_SHARES:
         chosen = error >= np.quantile(error, 1.0 - share)

@@ -43,7 +43,7 @@ def _representatives_for(run: Run, n: int) -> Alternation:
     model = run.settle(moves.start(run.problem, n, run.options), n, "start", coarse=1.0)
     threshold = FIRST_THRESHOLD
     while (run.options.N or run.options.max_N) > model.N:
-        error = np.sqrt(run.problem.gamma * model.squared_error)
+        error = np.sqrt(run.problem.relative(model.squared_error))
         while error.max() <= threshold and threshold > PERFECT:
             threshold *= DECAY
         chosen = error > threshold

@@ -9,12 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from .._native import SolverProblem
-from ..arrays import F32, F64, I64
+from ..arrays import DARK, F32, F64, I64
 from ..errors import InputError
-
-DARK = 0.02
-"""A texel darker than this share of the median texel's root-mean-square radiance counts as that dark in
-its relative error: near-black texels carry noise, not reflectance, and would outvote the rest."""
 
 
 class Fitted(NamedTuple):
@@ -35,13 +31,14 @@ class Problem:
         responses: [P, J, 3] s*, generic responses (Eq. 13), linear radiance.
         radiance: [P, 3] s_hat, measured radiance in the same unit.
         offsets: [M + 1]; pairs of texel x are offsets[x] to offsets[x + 1]. Every texel needs a view.
+        share: [M] weight of each texel in the mean of Eq. 5, above 0, the largest 1; all alike by default.
 
     Raises:
         InputError: a texel without views, or nothing but black measurements.
         ValueError: shapes that do not agree, or values that are not finite.
     """
 
-    def __init__(self, responses: F32, radiance: F32, offsets: I64) -> None:
+    def __init__(self, responses: F32, radiance: F32, offsets: I64, share: F64 | None = None) -> None:
         self.offsets = np.ascontiguousarray(offsets, dtype=np.int64)
         self.radiance = np.ascontiguousarray(radiance, dtype=np.float32)
         self.responses = np.ascontiguousarray(responses, dtype=np.float32)
@@ -64,11 +61,13 @@ class Problem:
         self.kernels = self.responses.shape[1]
         self.measurements: F64 = 3.0 * views
         """[M] K of each texel."""
-        self._native = SolverProblem(
-            self.responses, self.radiance, self.offsets, DARK**2 * typical * views.astype(np.float64)
-        )
+        self.share: F64 = np.ones(self.texels) if share is None else np.asarray(share, dtype=np.float64)
+        """[M]"""
+        # The core takes gamma as 1 over energy or floor, whichever is larger: a share raises the floor.
+        floor = np.maximum(energy, DARK**2 * typical * views) / self.share
+        self._native = SolverProblem(self.responses, self.radiance, self.offsets, floor)
         self.gamma: F64 = self._native.gamma
-        """[M] 1 / ||s_hat_x||^2, with a floor for near-black texels."""
+        """[M] share / ||s_hat_x||^2, with a floor for near-black texels."""
 
     def thinned(self, texels: int) -> Problem:
         """The same problem at about the given number of its texels, evenly strided."""
@@ -78,7 +77,7 @@ class Problem:
         kept = np.arange(0, self.texels, stride)
         pairs = np.concatenate([np.arange(*self.offsets[x : x + 2]) for x in kept])
         offsets = np.concatenate([[0], np.cumsum(np.diff(self.offsets)[kept])])
-        return Problem(self.responses[pairs], self.radiance[pairs], offsets)
+        return Problem(self.responses[pairs], self.radiance[pairs], offsets, self.share[kept])
 
     def representatives(self, weights: F64, start: F64 | None = None) -> Fitted:
         """Optimal representatives for blend weights [M, N] (Eqs. 6, 7), from ``start`` [N, J, 3]."""
@@ -93,5 +92,9 @@ class Problem:
         return self._native.fold(np.ascontiguousarray(representatives))
 
     def mean(self, squared_error: F64) -> float:
-        """The data term of Eq. 5 from squared errors [M], as a mean over texels."""
-        return float(np.mean(self.gamma * squared_error))
+        """The data term of Eq. 5 from squared errors [M], as a mean over texels by their shares."""
+        return float(np.sum(self.gamma * squared_error) / np.sum(self.share))
+
+    def relative(self, squared_error: F64) -> F64:
+        """Squared relative errors [M] of the texels."""
+        return np.asarray(self.gamma / self.share * squared_error)

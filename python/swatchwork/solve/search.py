@@ -15,6 +15,8 @@ from __future__ import annotations
 
 from math import ceil
 
+import numpy as np
+
 from ..progress import SILENT, Progress
 from . import moves
 from .alternation import PERFECT, Alternation
@@ -33,6 +35,8 @@ HOPELESS = 1.3
 """An objective this many times the best is not improved upon by shrinking further."""
 NEAR_PERFECT = 100 * PERFECT
 
+EXPECTED_GROWTH = 4
+"""As for a solution that is gone on from."""
 EXPECTED_MODELS = 48
 """Models that a search with n up to 3 settles, about: the scale of its progress bar."""
 
@@ -52,10 +56,33 @@ def solve(problem: Problem, options: SolveOptions | None = None, progress: Progr
         run = Run(problem, options, penalties, task, EXPECTED_MODELS)
         n, model = paper_order(run) if options.search_order == "paper" else _explore_and_refine(run)
         run.finish()
+    return _solution(run, n, model)
+
+
+def resume(
+    problem: Problem, solution: Solution, options: SolveOptions | None = None, progress: Progress = SILENT
+) -> Solution:
+    """Go on from a solution of other texels, and grow where those of ``problem`` show another material.
+
+    n stays; N grows while that pays by the penalties, which follow the noise that is found here.
+    """
+    options = options or SolveOptions()
+    penalties = Penalties(problem.measurements, options.lambda0, options.lambda1)
+    with progress.stage("solve", EXPECTED_GROWTH) as task:
+        run = Run(problem, options, penalties, task, EXPECTED_GROWTH, list(solution.history))
+        nowhere = np.zeros((0, solution.N))
+        start = Alternation(solution.representatives, nowhere, np.zeros(0), np.inf, 0, False)
+        model = _grown(run, solution.n, start)
+        run.finish()
+    return _solution(run, solution.n, model)
+
+
+def _solution(run: Run, n: int, model: Alternation) -> Solution:
+    problem, penalties = run.problem, run.penalties
     return Solution(
         representatives=model.representatives,
         weights=model.weights,
-        relative_error=problem.gamma * model.squared_error,
+        relative_error=problem.relative(model.squared_error),
         n=n,
         N=model.N,
         data=model.data,
@@ -76,13 +103,19 @@ def _explore_and_refine(run: Run) -> tuple[int, Alternation]:
     if run.problem is whole:
         return n, model
     run.problem = whole
+    return n, _grown(run, n, model)
+
+
+def _grown(run: Run, n: int, model: Alternation) -> Alternation:
+    """A model of other texels refined on the run's, and grown for as long as that pays."""
+    whole = run.problem
     model = run.settle(model, n, "refine", coarse=1.0)
     while run.options.N is None and run.most_representatives > model.N and model.data > NEAR_PERFECT:
         larger = run.settle(moves.grow(whole, model, n, run.options), n, "grow", coarse=1.0)
         if run.objective(larger, n) >= run.objective(model, n):
             break
         model = larger
-    return n, model
+    return model
 
 
 def up_down_and_across(run: Run) -> tuple[int, Alternation]:

@@ -4,10 +4,14 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
+import numpy as np
+
 from ..arrays import F64
+from ..keeping import Array, Kept
 
 Status = Literal["converged", "iteration limit"]
 Move = Literal["start", "grow", "shrink", "hold", "refine"]
@@ -48,6 +52,29 @@ class Solution:
     """Relative root-mean-square of what the model leaves, freedoms counted off."""
     status: Status
     history: list[Step] = field(default_factory=list)
+
+    def arrays(self) -> dict[str, Array]:
+        """Everything, as arrays that ``of`` reads."""
+        summary = np.frombuffer(json.dumps(self.summary()).encode(), dtype=np.uint8)
+        return {
+            "representatives": self.representatives,
+            "weights": self.weights,
+            "relative_error": self.relative_error,
+            "summary": summary,
+        }
+
+    @classmethod
+    def of(cls, kept: Kept) -> Solution:
+        """The solution whose ``arrays`` were kept, bit for bit."""
+        summary = json.loads(kept.rows("summary").tobytes())
+        history = [Step(**step) for step in summary.pop("history")]
+        return cls(
+            representatives=kept.rows("representatives"),
+            weights=kept.rows("weights"),
+            relative_error=kept.rows("relative_error"),
+            history=history,
+            **summary,
+        )
 
     def summary(self) -> dict[str, Any]:
         """Everything but the arrays, for JSON."""

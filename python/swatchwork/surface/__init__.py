@@ -5,8 +5,8 @@
 from swatchwork.surface.atlas import Atlas, build_atlas, default_resolution, padded
 from swatchwork.surface.files import read_mesh
 from swatchwork.surface.mesh import Mesh, mesh_from_arrays, write_mesh_obj
-from swatchwork.surface.rays import GRAZING, Hit, RayScene, sees
-from swatchwork.surface.sky import SkyMasks, sky_masks
+from swatchwork.surface.rays import GRAZING, Hit, RayScene, each_of, sees
+from swatchwork.surface.sky import SkyMasks, sky_masks, turned
 from swatchwork.surface.unwrap import has_injective_uv, parametrised, unwrap, uv_problem
 
 __all__ = [
@@ -18,6 +18,7 @@ __all__ = [
     "SkyMasks",
     "build_atlas",
     "default_resolution",
+    "each_of",
     "has_injective_uv",
     "mesh_from_arrays",
     "padded",
@@ -25,6 +26,7 @@ __all__ = [
     "read_mesh",
     "sees",
     "sky_masks",
+    "turned",
     "unwrap",
     "uv_problem",
     "write_mesh_obj",

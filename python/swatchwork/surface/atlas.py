@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
-from swatchwork.arrays import F32, F64, I32, unit
+from swatchwork.arrays import F32, F64, I32, I64, unit
 from swatchwork.capture import Camera
 from swatchwork.errors import InputError
 from swatchwork.surface.mesh import Mesh
@@ -18,15 +18,17 @@ from swatchwork.surface.raster import barycentric, covered_centres
 
 # Share of the UV square that charts of an xatlas packing typically fill.
 PACKING = 0.6
+CHUNK = 1 << 18
+"""Texels whose corners are gathered at once: 40 MB."""
 
 
 @dataclass(frozen=True)
 class Atlas:
     """M texels of a square atlas, ordered by row, then column; row 0 is v = 1.
 
-    ``texel_at`` I32[H, W], the texel's number or -1; ``row``, ``col``, ``face`` I32[M]; ``bary`` F32[M, 3];
-    ``position`` F64[M, 3]; ``normal`` F64[M, 3], unit, shading; ``geometric_normal`` F64[M, 3], unit, of the
-    triangle; ``footprint`` F64[M], area of surface in a texel (world units squared).
+    ``texel_at`` I32[H, W], the texel's number or -1; ``row``, ``col``, ``face`` I32[M]; ``position``
+    F64[M, 3]; ``normal`` F32[M, 3], unit, shading; ``face_normal`` F64[F, 3], unit; ``face_footprint``
+    F64[F], area of surface in a texel of each face (world units squared). A texel takes 48 bytes, a pixel 4.
     """
 
     resolution: int
@@ -34,14 +36,21 @@ class Atlas:
     row: I32
     col: I32
     face: I32
-    bary: F32
     position: F64
-    normal: F64
-    geometric_normal: F64
-    footprint: F64
+    normal: F32
+    face_normal: F64
+    face_footprint: F64
 
     def __len__(self) -> int:
         return len(self.row)
+
+    def geometric_normal(self, texel: I64 | slice) -> F64:
+        """Unit normals [T, 3] of the triangles that texels [T] lie in."""
+        return np.asarray(self.face_normal[self.face[texel]])
+
+    def footprint(self, texel: I64 | slice) -> F64:
+        """Area of surface [T] in texels [T] (world units squared)."""
+        return np.asarray(self.face_footprint[self.face[texel]])
 
 
 def build_atlas(mesh: Mesh, resolution: int) -> Atlas:
@@ -66,16 +75,19 @@ def build_atlas(mesh: Mesh, resolution: int) -> Atlas:
     face, row, col = face[kept], row[kept], col[kept]
     texel_at = np.full(resolution * resolution, -1, dtype=np.int32)
     texel_at[pixel] = np.arange(len(pixel), dtype=np.int32)
-
-    centre = np.stack([(col + 0.5) / resolution, 1 - (row + 0.5) / resolution], axis=1)
-    bary = barycentric(mesh.uv, mesh.faces, face, centre)
-    corners = mesh.faces[face]
-    position = np.einsum("pc,pcx->px", bary, mesh.vertices[corners])
     cross = mesh.crosses
-    flat = unit(cross)[face]
-    normal = unit(np.einsum("pc,pcx->px", bary, mesh.normals[corners]))
-    # Opposite vertex normals may cancel in the middle of a triangle.
-    normal = np.where(np.linalg.norm(normal, axis=1, keepdims=True) > 0.5, normal, flat)
+    flat = unit(cross)
+    position, normal = np.empty((len(face), 3)), np.empty((len(face), 3), dtype=np.float32)
+    for start in range(0, len(face), CHUNK):
+        part = slice(start, start + CHUNK)
+        centre = np.stack([(col[part] + 0.5) / resolution, 1 - (row[part] + 0.5) / resolution], axis=1)
+        bary = barycentric(mesh.uv, mesh.faces, face[part], centre)
+        corners = mesh.faces[face[part]]
+        position[part] = np.einsum("pc,pcx->px", bary, mesh.vertices[corners])
+        smooth = unit(np.einsum("pc,pcx->px", bary, mesh.normals[corners]))
+        # Opposite vertex normals may cancel in the middle of a triangle.
+        whole = np.linalg.norm(smooth, axis=1, keepdims=True) > 0.5
+        normal[part] = np.where(whole, smooth, flat[face[part]])
     stretch = np.linalg.norm(cross, axis=1) / np.maximum(uv_doubled_areas(mesh), 1e-300)
     return Atlas(
         resolution=resolution,
@@ -83,11 +95,10 @@ def build_atlas(mesh: Mesh, resolution: int) -> Atlas:
         row=row.astype(np.int32),
         col=col.astype(np.int32),
         face=face.astype(np.int32),
-        bary=bary.astype(np.float32),
         position=position,
         normal=normal,
-        geometric_normal=flat,
-        footprint=stretch[face] / resolution**2,
+        face_normal=flat,
+        face_footprint=stretch / resolution**2,
     )
 
 

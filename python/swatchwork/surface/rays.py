@@ -8,11 +8,12 @@ import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from swatchwork.arrays import F32, F64, I32, Bool
+from swatchwork.arrays import F32, F64, I32, Bool, dot, norm, unit
 from swatchwork.capture import Camera
 from swatchwork.errors import InputError
 from swatchwork.surface.atlas import Atlas
@@ -60,7 +61,12 @@ class RayScene:
                 np.ascontiguousarray(mesh.faces, dtype=np.int32),
             )
         # The scene is built at its first query, which must not be made by two threads at once.
-        self._cast(np.zeros((1, 3)), np.ones((1, 3)), np.ones(1), "OCCLUDED")
+        self.cast(np.zeros((1, 3)), np.ones((1, 3)), np.ones(1), "OCCLUDED")
+
+    @cached_property
+    def face_normal(self) -> F64:
+        """Unit normals [F, 3] of the object's triangles."""
+        return unit(self.meshes[0].crosses)
 
     @property
     def epsilon(self) -> float:
@@ -73,8 +79,8 @@ class RayScene:
         A single direction [1, 3] serves all origins.
         """
         far = np.broadcast_to(np.asarray(far, dtype=np.float64), len(origin))
-        parts = self._in_chunks(
-            lambda part: self._cast(origin[part], _take(direction, part), far[part], "OCCLUDED"), len(origin)
+        parts = each_of(
+            lambda part: self.cast(origin[part], _take(direction, part), far[part], "OCCLUDED"), len(origin)
         )
         return np.concatenate([np.zeros(0, dtype=np.int32), *parts]) >= 0
 
@@ -83,9 +89,9 @@ class RayScene:
 
         def cast(part: slice) -> Any:
             count = len(origin[part])
-            return self._cast(origin[part], _take(direction, part), np.full(count, np.inf), "INTERSECT")
+            return self.cast(origin[part], _take(direction, part), np.full(count, np.inf), "INTERSECT")
 
-        parts = self._in_chunks(cast, len(origin))
+        parts = each_of(cast, len(origin))
 
         def joined(name: str) -> Any:
             return np.concatenate([np.zeros(0, dtype=np.float32), *(part[name] for part in parts)])
@@ -108,7 +114,8 @@ class RayScene:
         """Like ``occluded`` without a limit, for points already ``in_unit_ball``; in the caller's thread."""
         return np.asarray(self._scene.run(origin, direction, query="OCCLUDED") >= 0)
 
-    def _cast(self, origin: F64, direction: F64, far: F64, query: str) -> Any:
+    def cast(self, origin: F64, direction: F64, far: F64, query: str) -> Any:
+        """Embree's answer to an OCCLUDED or INTERSECT query, in the caller's thread."""
         # Directions are divided by the radius too, so distances keep the caller's units.
         limit = np.minimum(far, 1e36).astype(np.float32)
         return self._scene.run(
@@ -119,13 +126,14 @@ class RayScene:
             output=True if query == "INTERSECT" else None,
         )
 
-    @staticmethod
-    def _in_chunks(cast: Callable[[slice], Any], count: int) -> list[Any]:
-        chunks = [slice(start, min(start + CHUNK, count)) for start in range(0, count, CHUNK)]
-        if len(chunks) < 2:
-            return [cast(part) for part in chunks]
-        with ThreadPoolExecutor(os.cpu_count() or 1) as threads:
-            return list(threads.map(cast, chunks))
+
+def each_of(work: Callable[[slice], Any], count: int) -> list[Any]:
+    """What ``work`` returns for each chunk of ``count`` rows, in order; threads share the chunks."""
+    chunks = [slice(start, min(start + CHUNK, count)) for start in range(0, count, CHUNK)]
+    if len(chunks) < 2:
+        return [work(part) for part in chunks]
+    with ThreadPoolExecutor(os.cpu_count() or 1) as threads:
+        return list(threads.map(work, chunks))
 
 
 def _take(direction: F64, part: slice) -> F64:
@@ -138,15 +146,21 @@ def sees(scene: RayScene, atlas: Atlas, camera: Camera) -> Bool:
     The triangle faces the camera, the shading normal does with a cosine above 0.03, the point projects
     inside the image, and the segment to the camera is free of the object and of occluders.
     """
-    to_camera = camera.position - atlas.position
-    distance = np.linalg.norm(to_camera, axis=1)
-    facing = (atlas.normal * to_camera).sum(axis=1) > GRAZING * distance
-    facing &= (atlas.geometric_normal * to_camera).sum(axis=1) > 0
-    uv_px, depth = camera.project(atlas.position)
-    facing &= (depth > 0) & (uv_px >= 0).all(axis=1) & (uv_px < (camera.width, camera.height)).all(axis=1)
     seen: Bool = np.zeros(len(atlas), dtype=bool)
-    rows = np.flatnonzero(facing)
-    origin = atlas.position[rows] + scene.epsilon * atlas.geometric_normal[rows]
-    # A direction as long as the segment: the camera is at t = 1.
-    seen[rows] = ~scene.occluded(origin, camera.position - origin, 1.0)
+
+    def look(part: slice) -> None:
+        texel = np.arange(part.start, min(part.stop, len(atlas)))
+        to_camera = camera.position - atlas.position[texel]
+        facing = dot(atlas.normal[texel], to_camera) > GRAZING * norm(to_camera)
+        flat = atlas.geometric_normal(texel)
+        facing &= dot(flat, to_camera) > 0
+        uv_px, depth = camera.project(atlas.position[texel[facing]])
+        inside = (uv_px >= 0).all(axis=1) & (uv_px < (camera.width, camera.height)).all(axis=1) & (depth > 0)
+        facing[facing] = inside
+        origin = atlas.position[texel[facing]] + scene.epsilon * flat[facing]
+        # A direction as long as the segment: the camera is at t = 1.
+        hidden = scene.cast(origin, camera.position - origin, np.ones(len(origin)), "OCCLUDED") >= 0
+        seen[texel[facing]] = ~hidden
+
+    each_of(look, len(atlas))
     return seen

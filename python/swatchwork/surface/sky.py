@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from swatchwork.arrays import F32, I32, I64, U64, Bool
-from swatchwork.octahedral import pixel_directions
+from swatchwork.arrays import F32, F64, I32, I64, U64, Bool, dot
+from swatchwork.octahedral import pixel_directions, square_from_direction
 from swatchwork.progress import SILENT, Progress
 from swatchwork.surface.atlas import Atlas
-from swatchwork.surface.rays import RayScene
+from swatchwork.surface.rays import RayScene, each_of
 
 SIZE = 64
 # Sharing's error in irradiance under the capture's own probe, NRMS over 1000 texels of a 512 x 512 atlas, and
@@ -54,7 +54,7 @@ def sky_masks(scene: RayScene, atlas: Atlas, samples: int = SAMPLES, progress: P
     """
     chosen = _spread_samples(atlas, samples)
     owner = _nearest_sample(scene, atlas, chosen)
-    astray = np.flatnonzero((atlas.normal * atlas.normal[chosen[owner]]).sum(axis=1) < COMPATIBLE)
+    astray = np.flatnonzero(dot(atlas.normal, atlas.normal[chosen[owner]]) < COMPATIBLE)
     if len(astray):
         chosen = np.unique(np.concatenate([chosen, astray[:: max(1, 4 * len(astray) // max(samples, 1))]]))
         owner = _nearest_sample(scene, atlas, chosen)
@@ -77,7 +77,7 @@ def _spread_samples(atlas: Atlas, samples: int) -> I64:
         for axis in range(3):
             key |= ((cell[:, axis] >> bit) & 1) << (3 * bit + axis)
     order = np.argsort(key | (octant << 30), kind="stable")
-    area = np.cumsum(atlas.footprint[order])
+    area = np.cumsum(atlas.footprint(order))
     steps = (np.arange(samples) + 0.5) / samples * area[-1]
     return np.unique(order[np.minimum(np.searchsorted(area, steps), len(order) - 1)])
 
@@ -85,10 +85,14 @@ def _spread_samples(atlas: Atlas, samples: int) -> I64:
 def _nearest_sample(scene: RayScene, atlas: Atlas, chosen: I64) -> I64:
     if len(chosen) == len(atlas):
         return np.arange(len(atlas))
-    place = np.hstack([atlas.position / scene.radius, NORMAL_WEIGHT * atlas.normal])
+
+    def place(texel: I64 | slice) -> F64:
+        return np.hstack([atlas.position[texel] / scene.radius, NORMAL_WEIGHT * atlas.normal[texel]])
+
+    tree = cKDTree(place(chosen))
     # Approximate to 20 % in distance: twice as fast, and as good a neighbour.
-    _, owner = cKDTree(place[chosen]).query(place, eps=0.2, workers=-1)
-    return np.asarray(owner, dtype=np.int64)
+    parts = each_of(lambda part: tree.query(place(part), eps=0.2)[1], len(atlas))
+    return np.concatenate(parts).astype(np.int64)
 
 
 def _traced(scene: RayScene, atlas: Atlas, chosen: I64, progress: Progress) -> U64:
@@ -112,14 +116,15 @@ def _traced(scene: RayScene, atlas: Atlas, chosen: I64, progress: Progress) -> U
 
 def _visible_cells(scene: RayScene, atlas: Atlas, texel: I64, cells: F32) -> Bool:
     """Bool[T, 4096]: which cells are free; those far below the horizon, which nobody asks for, are."""
-    flat = atlas.geometric_normal[texel].astype(np.float32)
-    owner, cell = np.nonzero(atlas.normal[texel].astype(np.float32) @ cells.T > -BELOW)
+    upright = atlas.geometric_normal(texel)
+    flat = upright.astype(np.float32)
+    owner, cell = np.nonzero(atlas.normal[texel] @ cells.T > -BELOW)
     direction = cells[cell]
     # Bend what points below the triangle's plane up to it, keeping the azimuth.
     sine = (flat @ cells.T)[owner, cell]
     low = np.flatnonzero(sine < LIFT)
     direction[low] += (LIFT - sine[low])[:, None] * flat[owner[low]]
-    origin = atlas.position[texel] + scene.epsilon * atlas.geometric_normal[texel]
+    origin = atlas.position[texel] + scene.epsilon * upright
     visible: Bool = np.ones((len(texel), len(cells)), dtype=bool)
     visible[owner, cell] = ~scene.occluded_in_unit_ball(scene.in_unit_ball(origin)[owner], direction)
     return visible
@@ -129,3 +134,12 @@ def _packed(visible: Bool) -> U64:
     """Bool[T, 4096] to U64[T, 64]; bit i of word j is cell (row j, column i)."""
     octets = np.packbits(visible.reshape(len(visible), SIZE, 8, 8), axis=-1, bitorder="little")
     return octets.reshape(len(visible), SIZE, 8).view("<u8")[..., 0].astype(np.uint64)
+
+
+def turned(words: U64, rotation: F64) -> U64:
+    """Masks [Q, 64] as seen in a frame that ``rotation`` F64[3, 3] takes to the world (nearest cells)."""
+    square = square_from_direction(pixel_directions(SIZE).reshape(-1, 3) @ np.asarray(rotation).T)
+    column, row = np.minimum((square * SIZE).astype(np.int64), SIZE - 1).T
+    octets = np.ascontiguousarray(words).astype("<u8").view(np.uint8).reshape(len(words), -1)
+    free = np.unpackbits(octets, axis=1, bitorder="little")
+    return _packed(free[:, row * SIZE + column].astype(bool))

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 
 import numpy as np
 
@@ -51,14 +52,20 @@ def has_injective_uv(mesh: Mesh) -> bool:
     return uv_problem(mesh) is None
 
 
-def parametrised(mesh: Mesh, resolution: int = RASTER) -> Mesh:
-    """The mesh itself where its UVs are injective, else unwrapped; warns where there were UVs, but unfit."""
+def parametrised(
+    mesh: Mesh, resolution: int = RASTER, cut: Callable[[Mesh, int], Mesh] | None = None
+) -> Mesh:
+    """The mesh itself where its UVs are injective, else unwrapped; warns where there were UVs, but unfit.
+
+    Args:
+        cut: unwraps mesh and resolution; by default ``unwrap`` does.
+    """
     problem = uv_problem(mesh)
     if problem is None:
         return mesh
     if mesh.uv is not None:
         warnings.warn(CaptureWarning(f"mesh: {problem}; it is unwrapped anew"), stacklevel=2)
-    return unwrap(mesh, resolution)
+    return (cut or unwrap)(mesh, resolution)
 
 
 def unwrap(mesh: Mesh, resolution: int = RASTER) -> Mesh:

@@ -117,7 +117,7 @@ def run_demo(
                 progress=costs,
             )
         solve = SolveOptions(explore_texels=EXPLORED, seed=seed)
-        options = ReconstructOptions(RESOLUTION, texels=TEXELS, solve=solve, seed=seed)
+        options = ReconstructOptions(RESOLUTION, texels=TEXELS, solve=solve)
         found = recover(capture, fresh / "material", options, progress=progress)
         with costs.stage("relight"):
             relight(relit(found.reconstruction), read_capture(test), fresh / "renders", progress=costs)

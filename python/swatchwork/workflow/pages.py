@@ -102,8 +102,8 @@ def relit(found: Reconstruction) -> RelitScene:
         basis=found.basis,
         representatives=found.solution.representatives,
         texel_of_pixel=padded(found.observations.atlas),
-        index=found.index,
-        weight=found.weight,
+        index=found.blend.index,
+        weight=found.blend.weight,
         sky=found.rendering.sky,
     )
 
@@ -130,8 +130,7 @@ def headline(summary: dict[str, Any]) -> tuple[page.Figure, ...]:
 
 def environment_of(found: Reconstruction, capture: Capture, frame: Frame) -> Environment:
     """The light of one of the capture's frames."""
-    rendering = found.rendering
-    return rendering.environments[int(rendering.environment_of_frame[capture.frames.index(frame)])]
+    return found.rendering.lights.of(capture.frames.index(frame))
 
 
 def inputs(capture: Capture) -> tuple[tuple[str, str], ...]:

@@ -10,6 +10,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from importlib.metadata import version
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,9 @@ from ..material import BasisRecord, Material, normal_albedo, whole_folder, write
 from ..progress import SILENT, Progress
 from ..reconstruct import Reconstruction, ReconstructOptions, reconstruct
 from ..report import Report, write_report
+from ..response import instruction_sets
 from ..surface import padded
+from .checkpoints import checkpoints
 from .costs import CostRecorder, StageCost
 from .pages import reconstruction_report
 
@@ -53,6 +56,8 @@ class ReconstructSummary:
     lambda1: float
     seconds: float
     peak_mb: float
+    resumed: bool
+    """Whether it went on from an interrupted run, so that `seconds` and `stages` are the rest's."""
     stages: tuple[StageCost, ...]
 
     def as_dict(self) -> dict[str, Any]:
@@ -62,10 +67,11 @@ class ReconstructSummary:
     def in_words(self) -> str:
         """Two lines for a person."""
         unseen = f", {100 * self.unseen / self.texels:.1f} % of them in no photograph" if self.unseen else ""
+        rest = " (gone on from an interrupted run)" if self.resumed else ""
         return (
             f"{self.N} materials, {self.n} blended at a point ({self.status}); relative misfit "
             f"{100 * self.misfit:.1f} % at {self.texels:,} surface points{unseen}.\n"
-            f"{self.views} photographs, {self.seconds:.1f} s, peak {self.peak_mb:.0f} MB. "
+            f"{self.views} photographs, {self.seconds:.1f} s{rest}, peak {self.peak_mb:.0f} MB. "
             f"Material in {self.output}"
         )
 
@@ -93,7 +99,8 @@ def reconstruct_folder(
 
     Args:
         capture_folder: the capture's folder or its transforms.json.
-        output: the material folder.
+        output: the material folder. Until it is whole, finished parts are kept beside it in ``OUT.partial``,
+            and a run after an interrupted one with the same inputs and options goes on from them.
         views: use the first so many frames only.
 
     Raises:
@@ -120,18 +127,21 @@ def recover(
         with costs.stage("read"):
             capture = read_capture(capture_folder)
             capture = capture.first(views) if views is not None else capture
-        found = reconstruct(capture, options, costs)
-        with costs.stage("write"):
-            material = material_of(found, capture)
-            warn_of_bright_materials(material, capture)
-            summary = summarise(found, capture, output, start, costs.costs)
-            report = reconstruction_report(found, capture, material, costs.costs, said, summary.as_dict())
+            prints = fingerprints(capture)
+        with checkpoints(output, key_of(prints, options)) as keeper:
+            found = reconstruct(capture, options, costs, keeper)
+            resumed = bool(keeper.resumed)
+            with costs.stage("write"):
+                material = material_of(found, prints)
+                warn_of_bright_materials(material, capture)
+                summary = summarise(found, capture, output, start, costs.costs, resumed)
+                report = reconstruction_report(found, capture, material, costs.costs, said, summary.as_dict())
 
-            def write_page(inside: Path) -> None:
-                write_report(inside / "report.html", report)
+                def write_page(inside: Path) -> None:
+                    write_report(inside / "report.html", report)
 
-            write_material(output, material, write_page)
-    summary = summarise(found, capture, output, start, costs.costs)
+                write_material(output, material, write_page)
+    summary = summarise(found, capture, output, start, costs.costs, resumed)
     return Recovered(capture, found, material, summary, report)
 
 
@@ -166,14 +176,14 @@ def collected_warnings() -> Iterator[list[str]]:
         yield said
 
 
-def material_of(found: Reconstruction, capture: Capture) -> Material:
+def material_of(found: Reconstruction, prints: dict[str, str]) -> Material:
     """The reconstruction as images over the atlas; gutters repeat their nearest texel, for filters."""
     atlas, basis, solution = found.observations.atlas, found.basis, found.solution
     nearest = padded(atlas)
     assert found.mesh.uv is not None, "the atlas was made from them"
-    views = np.diff(found.observations.offsets).astype(np.int32)
+    views = found.observations.coverage
     on_atlas = atlas.texel_at >= 0
-    residual = np.nan_to_num(found.residual)
+    residual = np.nan_to_num(found.blend.residual)
     record = BasisRecord(
         basis.name,
         tuple(map(float, basis.sigmas)),
@@ -184,8 +194,8 @@ def material_of(found: Reconstruction, capture: Capture) -> Material:
     return Material(
         basis=record,
         representatives=solution.representatives,
-        index=found.index[nearest],
-        weight=found.weight[nearest],
+        index=found.blend.index[nearest],
+        weight=found.blend.weight[nearest],
         coverage=np.where(on_atlas, views[nearest], -1).astype(np.int32),
         residual=np.where(on_atlas, residual[nearest], 0).astype(np.float32),
         vertices=found.mesh.vertices,
@@ -194,7 +204,7 @@ def material_of(found: Reconstruction, capture: Capture) -> Material:
         uv=found.mesh.uv,
         penalties={"lambda0": solution.lambda0, "lambda1": solution.lambda1},
         solver=solution.summary() | {"weighting": found.rendering.weighting},
-        inputs=fingerprints(capture),
+        inputs=prints,
     )
 
 
@@ -223,6 +233,16 @@ def warn_of_bright_materials(material: Material, capture: Capture) -> None:
         warnings.warn(CaptureWarning(message), stacklevel=3)
 
 
+def key_of(prints: dict[str, str], options: ReconstructOptions) -> dict[str, Any]:
+    """What the parts of an interrupted run must agree on, to be gone on from."""
+    return {
+        "version": version("swatchwork"),
+        "kernels": instruction_sets()[-1],
+        "inputs": prints,
+        "options": asdict(options),
+    }
+
+
 def fingerprints(capture: Capture) -> dict[str, str]:
     """SHA-256 of every file the capture names, by its path within the capture where it lies there."""
     files = [capture.file, capture.mesh_path, *capture.occluder_paths]
@@ -247,9 +267,10 @@ def summarise(
     output: str | PathLike[str],
     start: float,
     costs: list[StageCost],
+    resumed: bool,
 ) -> ReconstructSummary:
     """The plain numbers of a reconstruction begun at ``start`` (seconds of ``time.perf_counter``)."""
-    seen = np.isfinite(found.residual)
+    seen = np.isfinite(found.blend.residual)
     return ReconstructSummary(
         capture=str(capture.file),
         output=str(output),
@@ -258,13 +279,14 @@ def summarise(
         resolution=found.observations.atlas.resolution,
         texels=len(seen),
         unseen=int(np.count_nonzero(~seen)),
-        n=int(found.index.shape[1]),
+        n=int(found.blend.index.shape[1]),
         N=len(found.solution.representatives),
         status=found.solution.status,
-        misfit=float(np.sqrt(np.mean(found.residual[seen].astype(np.float64) ** 2))),
+        misfit=float(np.sqrt(np.mean(found.blend.residual[seen].astype(np.float64) ** 2))),
         lambda0=float(found.solution.lambda0),
         lambda1=float(found.solution.lambda1),
         seconds=time.perf_counter() - start,
         peak_mb=max((cost.peak_mb for cost in costs), default=0.0),
+        resumed=resumed,
         stages=tuple(costs),
     )

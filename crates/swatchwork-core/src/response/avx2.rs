@@ -6,8 +6,8 @@
 //! SAFETY of the whole file: values of `Avx2` are only made and used inside functions that `run`
 //! compiles with, and calls after checking for, AVX2, FMA and F16C.
 
-use super::lanes::{Array, Lanes, Sky, each};
-use super::mipmap::{Mipmap, Quad};
+use super::lanes::{Array, LANES, Lanes, Sky, each};
+use super::mipmap::{Column, Mipmap};
 use super::octahedral::CELLS;
 use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Sub};
@@ -114,29 +114,123 @@ impl Lanes for Avx2 {
         unsafe { _mm256_movemask_ps(_mm256_or_ps(masks[0], masks[1])) != 0 }
     }
 
+    type Place = [Place; 2];
+    const NOWHERE: Self::Place = [Place {
+        at: [0; 8],
+        p: [0.0; 8],
+        q: unsafe { std::mem::zeroed() },
+    }; 2];
+
     #[inline(always)]
-    fn fetch(mipmap: &Mipmap, u: Self, v: Self, area: Self) -> [Self; 3] {
-        let halves = both!(H => fetch_half(mipmap, u.0[H], v.0[H], area.0[H]));
+    fn locate(mipmap: &Mipmap, u: Self, v: Self, area: Self) -> [Place; 2] {
+        both!(H => locate_half(mipmap, u.0[H], v.0[H], area.0[H]))
+    }
+
+    #[inline(always)]
+    fn fetch(mipmap: &Mipmap, place: &[Place; 2]) -> [Self; 3] {
+        let halves = both!(H => fetch_half(mipmap, &place[H]));
         each!(C => Self([halves[0][C], halves[1][C]]))
     }
 
     #[inline(always)]
     fn visible(sky: &Sky, u: Self, v: Self) -> Self {
-        let (u, v) = (u.store(), v.store());
-        let seen: Array = std::array::from_fn(|k| {
-            let cell = |s: f32| ((s * CELLS as f32) as usize).min(CELLS - 1);
-            let Ok(row) = usize::try_from(sky.row[k]) else {
-                return 1.0;
-            };
-            ((sky.words[row * CELLS + cell(v[k])] >> cell(u[k])) & 1) as f32
+        Self(both!(H => visible_half(sky, 8 * H, u.0[H], v.0[H])))
+    }
+
+    #[inline(always)]
+    fn by_lane(rows: [Self; 8]) -> [[f32; 8]; LANES] {
+        let lanes = both!(H => {
+            let mut half = [_mm256_setzero_ps(); 8];
+            for r in 0..8 {
+                half[r] = rows[r].0[H];
+            }
+            transposed(half)
         });
-        Self::load(&seen)
+        unsafe { std::mem::transmute(lanes) }
+    }
+
+    #[inline(always)]
+    fn from_lanes(lanes: &[[f32; 8]; LANES]) -> [Self; 8] {
+        let halves = both!(H => {
+            let mut half = [_mm256_setzero_ps(); 8];
+            for k in 0..8 {
+                half[k] = _mm256_loadu_ps(lanes[8 * H + k].as_ptr());
+            }
+            transposed(half)
+        });
+        let mut rows = [Self::splat(0.0); 8];
+        for r in 0..8 {
+            rows[r] = Self([halves[0][r], halves[1][r]]);
+        }
+        rows
     }
 }
 
-/// Eight lanes of a fetch.
+/// Rows and columns of an 8 x 8 matrix swapped.
 #[inline(always)]
-unsafe fn fetch_half(mipmap: &Mipmap, u: __m256, v: __m256, area: __m256) -> [__m256; 3] {
+pub unsafe fn transposed(m: [__m256; 8]) -> [__m256; 8] {
+    unsafe {
+        // Pairs of rows, then fours, inside each 128-bit part; then the parts.
+        let mut pairs = m;
+        for r in [0, 2, 4, 6] {
+            pairs[r] = _mm256_unpacklo_ps(m[r], m[r + 1]);
+            pairs[r + 1] = _mm256_unpackhi_ps(m[r], m[r + 1]);
+        }
+        let mut fours = m;
+        for r in [0, 4] {
+            fours[r] = _mm256_shuffle_ps::<0b01_00_01_00>(pairs[r], pairs[r + 2]);
+            fours[r + 1] = _mm256_shuffle_ps::<0b11_10_11_10>(pairs[r], pairs[r + 2]);
+            fours[r + 2] = _mm256_shuffle_ps::<0b01_00_01_00>(pairs[r + 1], pairs[r + 3]);
+            fours[r + 3] = _mm256_shuffle_ps::<0b11_10_11_10>(pairs[r + 1], pairs[r + 3]);
+        }
+        let mut out = m;
+        for r in 0..4 {
+            out[r] = _mm256_permute2f128_ps::<0x20>(fours[r], fours[r + 4]);
+            out[r + 4] = _mm256_permute2f128_ps::<0x31>(fours[r], fours[r + 4]);
+        }
+        out
+    }
+}
+
+/// Eight lanes of a look at the sky masks, from lane `first`.
+#[inline(always)]
+unsafe fn visible_half(sky: &Sky, first: usize, u: __m256, v: __m256) -> __m256 {
+    unsafe {
+        let (i, j) = (cell(u), cell(v));
+        let row = _mm256_loadu_si256(sky.row.as_ptr().add(first).cast());
+        let masked = _mm256_cmpgt_epi32(row, _mm256_set1_epi32(-1));
+        // Masks are little-endian pairs of 32-bit words, 128 a mask.
+        let word = _mm256_or_si256(_mm256_slli_epi32::<1>(j), _mm256_srli_epi32::<5>(i));
+        let word = _mm256_add_epi32(_mm256_slli_epi32::<7>(row), word);
+        let ones = _mm256_set1_epi32(-1);
+        let bits = _mm256_mask_i32gather_epi32::<4>(ones, sky.words.as_ptr().cast(), word, masked);
+        // The cell's bit becomes the sign; 31 - i mod 32 places from there.
+        let back = _mm256_andnot_si256(i, _mm256_set1_epi32(31));
+        let seen = _mm256_srai_epi32::<31>(_mm256_sllv_epi32(bits, back));
+        _mm256_and_ps(_mm256_castsi256_ps(seen), _mm256_set1_ps(1.0))
+    }
+}
+
+/// Row or column of the sky mask.
+#[inline(always)]
+unsafe fn cell(s: __m256) -> __m256i {
+    unsafe {
+        let x = _mm256_mul_ps(s, _mm256_set1_ps(CELLS as f32));
+        let x = _mm256_max_ps(x, _mm256_setzero_ps());
+        _mm256_cvttps_epi32(_mm256_min_ps(x, _mm256_set1_ps(CELLS as f32 - 1.0)))
+    }
+}
+
+/// Left columns of eight fetches, and how far right of and below their middles the points lie.
+#[derive(Clone, Copy)]
+pub struct Place {
+    at: [u32; 8],
+    p: [f32; 8],
+    q: __m256,
+}
+
+#[inline(always)]
+unsafe fn locate_half(mipmap: &Mipmap, u: __m256, v: __m256, area: __m256) -> Place {
     unsafe {
         let zero = _mm256_setzero_si256();
         let exponent = _mm256_sub_epi32(
@@ -148,23 +242,38 @@ unsafe fn fetch_half(mipmap: &Mipmap, u: __m256, v: __m256, area: __m256) -> [__
             _mm256_max_epi32(_mm256_srai_epi32::<1>(exponent), zero),
             top,
         );
-        let size = _mm256_i32gather_ps::<4>(mipmap.quad_size.as_ptr(), level);
-        let start = _mm256_i32gather_epi32::<4>(mipmap.quad_start.as_ptr(), level);
+        // A level has half the side of the last: one less in the exponent.
+        let base = _mm256_castps_si256(_mm256_broadcast_ss(&mipmap.side[0]));
+        let size = _mm256_castsi256_ps(_mm256_sub_epi32(base, _mm256_slli_epi32::<23>(level)));
+        let start = pick(&mipmap.start, level);
         let (x, y) = (bounded(u, size), bounded(v, size));
         let (i, j) = (_mm256_cvttps_epi32(x), _mm256_cvttps_epi32(y));
         let p = _mm256_sub_ps(x, _mm256_cvtepi32_ps(i));
         let q = _mm256_sub_ps(y, _mm256_cvtepi32_ps(j));
-        let stride = _mm256_add_epi32(_mm256_cvttps_epi32(size), _mm256_set1_epi32(1));
+        let stride = _mm256_add_epi32(_mm256_cvttps_epi32(size), _mm256_set1_epi32(2));
         let at = _mm256_add_epi32(_mm256_add_epi32(start, i), _mm256_mullo_epi32(j, stride));
         let at: [u32; 8] = std::mem::transmute(at);
-        let q: [f32; 8] = std::mem::transmute(q);
-        let quads = mipmap.quads.as_ptr();
+        for k in 0..8 {
+            let first = mipmap.columns.as_ptr().add(at[k] as usize);
+            _mm_prefetch::<_MM_HINT_T0>(first.cast());
+        }
+        let p = std::mem::transmute::<__m256, [f32; 8]>(p);
+        Place { at, p, q }
+    }
+}
+
+/// Eight lanes of a fetch.
+#[inline(always)]
+unsafe fn fetch_half(mipmap: &Mipmap, place: &Place) -> [__m256; 3] {
+    unsafe {
+        let Place { at, p, q } = place;
+        let columns = mipmap.columns.as_ptr();
         // Group g holds lanes g and g + 4; see the AVX-512 version.
         let mixed = [
-            group::<0>(quads, &at, p, &q),
-            group::<1>(quads, &at, p, &q),
-            group::<2>(quads, &at, p, &q),
-            group::<3>(quads, &at, p, &q),
+            group::<0>(columns, at, p, *q),
+            group::<1>(columns, at, p, *q),
+            group::<2>(columns, at, p, *q),
+            group::<3>(columns, at, p, *q),
         ];
         let rg_even = _mm256_unpacklo_ps(mixed[0], mixed[1]);
         let rg_odd = _mm256_unpacklo_ps(mixed[2], mixed[3]);
@@ -188,31 +297,45 @@ unsafe fn bounded(s: __m256, size: __m256) -> __m256 {
     }
 }
 
-/// Left and right texels of lane `k`, interpolated downwards.
+/// Entries of a table of sixteen; two permutations take a third of the time of a gather.
 #[inline(always)]
-unsafe fn one(quads: *const Quad, at: &[u32; 8], k: usize, q: &[f32; 8]) -> __m256 {
+unsafe fn pick(table: &[i32; 16], at: __m256i) -> __m256i {
     unsafe {
-        let quad = quads.add(at[k] as usize).cast::<__m128i>();
-        let upper = _mm256_cvtph_ps(_mm_load_si128(quad));
-        let lower = _mm256_cvtph_ps(_mm_load_si128(quad.add(1)));
-        _mm256_fmadd_ps(_mm256_set1_ps(q[k]), _mm256_sub_ps(lower, upper), upper)
+        let low = _mm256_loadu_si256(table.as_ptr().cast());
+        let high = _mm256_loadu_si256(table.as_ptr().add(8).cast());
+        let low = _mm256_castsi256_ps(_mm256_permutevar8x32_epi32(low, at));
+        let high = _mm256_castsi256_ps(_mm256_permutevar8x32_epi32(high, at));
+        // Bit 3 of the index, as the sign that chooses.
+        let upper = _mm256_castsi256_ps(_mm256_slli_epi32::<28>(at));
+        _mm256_castps_si256(_mm256_blendv_ps(low, high, upper))
+    }
+}
+
+/// Upper and lower texel of lane `k`, interpolated sideways.
+#[inline(always)]
+unsafe fn one(columns: *const Column, at: &[u32; 8], k: usize, p: &[f32; 8]) -> __m256 {
+    unsafe {
+        let first = columns.add(at[k] as usize).cast::<__m128i>();
+        let left = _mm256_cvtph_ps(_mm_load_si128(first));
+        let right = _mm256_cvtph_ps(_mm_load_si128(first.add(1)));
+        _mm256_fmadd_ps(_mm256_set1_ps(p[k]), _mm256_sub_ps(right, left), left)
     }
 }
 
 /// RGBA of lanes K and K + 4.
 #[inline(always)]
 unsafe fn group<const K: usize>(
-    quads: *const Quad,
+    columns: *const Column,
     at: &[u32; 8],
-    p: __m256,
-    q: &[f32; 8],
+    p: &[f32; 8],
+    q: __m256,
 ) -> __m256 {
     unsafe {
-        let (first, second) = (one(quads, at, K, q), one(quads, at, K + 4, q));
-        let left = _mm256_permute2f128_ps::<0x20>(first, second);
-        let right = _mm256_permute2f128_ps::<0x31>(first, second);
+        let (first, second) = (one(columns, at, K, p), one(columns, at, K + 4, p));
+        let upper = _mm256_permute2f128_ps::<0x20>(first, second);
+        let lower = _mm256_permute2f128_ps::<0x31>(first, second);
         let (a, b) = (K as i32, K as i32 + 4);
-        let p = _mm256_permutevar8x32_ps(p, _mm256_setr_epi32(a, a, a, a, b, b, b, b));
-        _mm256_fmadd_ps(p, _mm256_sub_ps(right, left), left)
+        let q = _mm256_permutevar8x32_ps(q, _mm256_setr_epi32(a, a, a, a, b, b, b, b));
+        _mm256_fmadd_ps(q, _mm256_sub_ps(lower, upper), upper)
     }
 }

@@ -6,8 +6,9 @@
 //! SAFETY of the whole file: values of `Avx512` are only made and used inside functions that `run`
 //! compiles with, and calls after checking for, AVX-512 F, BW, DQ and VL, FMA and F16C.
 
-use super::lanes::{Array, Lanes, Sky};
-use super::mipmap::{Mipmap, Quad};
+use super::avx2::transposed;
+use super::lanes::{Array, LANES, Lanes, Sky};
+use super::mipmap::{Column, Mipmap};
 use super::octahedral::CELLS;
 use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Sub};
@@ -90,8 +91,15 @@ impl Lanes for Avx512 {
         unsafe { _mm512_cmp_ps_mask::<_CMP_GT_OQ>(self.0, _mm512_setzero_ps()) != 0 }
     }
 
+    type Place = Place;
+    const NOWHERE: Place = Place {
+        at: [0; 16],
+        p: unsafe { std::mem::zeroed() },
+        q: unsafe { std::mem::zeroed() },
+    };
+
     #[inline(always)]
-    fn fetch(mipmap: &Mipmap, u: Self, v: Self, area: Self) -> [Self; 3] {
+    fn locate(mipmap: &Mipmap, u: Self, v: Self, area: Self) -> Place {
         unsafe {
             let zero = _mm512_setzero_si512();
             let exponent = _mm512_sub_epi32(
@@ -103,25 +111,37 @@ impl Lanes for Avx512 {
                 _mm512_max_epi32(_mm512_srai_epi32::<1>(exponent), zero),
                 top,
             );
-            let sizes = _mm512_loadu_ps(mipmap.quad_size.as_ptr());
-            let starts = _mm512_loadu_si512(mipmap.quad_start.as_ptr().cast());
+            let sizes = _mm512_loadu_ps(mipmap.side.as_ptr());
+            let starts = _mm512_loadu_si512(mipmap.start.as_ptr().cast());
             let size = _mm512_permutexvar_ps(level, sizes);
             let start = _mm512_permutexvar_epi32(level, starts);
             let (x, y) = (bounded(u.0, size), bounded(v.0, size));
             let (i, j) = (_mm512_cvttps_epi32(x), _mm512_cvttps_epi32(y));
             let p = _mm512_sub_ps(x, _mm512_cvtepi32_ps(i));
             let q = _mm512_sub_ps(y, _mm512_cvtepi32_ps(j));
-            let stride = _mm512_add_epi32(_mm512_cvttps_epi32(size), _mm512_set1_epi32(1));
+            let stride = _mm512_add_epi32(_mm512_cvttps_epi32(size), _mm512_set1_epi32(2));
             let at = _mm512_add_epi32(_mm512_add_epi32(start, i), _mm512_mullo_epi32(j, stride));
             let at = indices(at);
-            let quads = mipmap.quads.as_ptr();
+            for k in 0..LANES {
+                let first = mipmap.columns.as_ptr().add(at[k] as usize);
+                _mm_prefetch::<_MM_HINT_T0>(first.cast());
+            }
+            Place { at, p, q }
+        }
+    }
+
+    #[inline(always)]
+    fn fetch(mipmap: &Mipmap, place: &Place) -> [Self; 3] {
+        unsafe {
+            let Place { at, p, q } = place;
+            let columns = mipmap.columns.as_ptr();
             // Group g holds lanes g, g + 4, g + 8 and g + 12, so that a transpose inside each
             // 128-bit part brings the lanes into order.
             let mixed = [
-                group::<0>(quads, &at, p, q),
-                group::<1>(quads, &at, p, q),
-                group::<2>(quads, &at, p, q),
-                group::<3>(quads, &at, p, q),
+                group::<0>(columns, at, *p, *q),
+                group::<1>(columns, at, *p, *q),
+                group::<2>(columns, at, *p, *q),
+                group::<3>(columns, at, *p, *q),
             ];
             let rg_even = _mm512_unpacklo_ps(mixed[0], mixed[1]);
             let rg_odd = _mm512_unpacklo_ps(mixed[2], mixed[3]);
@@ -151,6 +171,44 @@ impl Lanes for Avx512 {
             Self(_mm512_maskz_mov_ps(seen, _mm512_set1_ps(1.0)))
         }
     }
+
+    #[inline(always)]
+    fn by_lane(rows: [Self; 8]) -> [[f32; 8]; LANES] {
+        unsafe {
+            let (mut low, mut high) = ([_mm256_setzero_ps(); 8], [_mm256_setzero_ps(); 8]);
+            for r in 0..8 {
+                low[r] = _mm512_castps512_ps256(rows[r].0);
+                high[r] = _mm512_extractf32x8_ps::<1>(rows[r].0);
+            }
+            std::mem::transmute([transposed(low), transposed(high)])
+        }
+    }
+
+    #[inline(always)]
+    fn from_lanes(lanes: &[[f32; 8]; LANES]) -> [Self; 8] {
+        unsafe {
+            let (mut low, mut high) = ([_mm256_setzero_ps(); 8], [_mm256_setzero_ps(); 8]);
+            for k in 0..8 {
+                low[k] = _mm256_loadu_ps(lanes[k].as_ptr());
+                high[k] = _mm256_loadu_ps(lanes[k + 8].as_ptr());
+            }
+            let (low, high) = (transposed(low), transposed(high));
+            let mut rows = [Self::splat(0.0); 8];
+            for r in 0..8 {
+                let row = _mm512_castps256_ps512(low[r]);
+                rows[r] = Self(_mm512_insertf32x8::<1>(row, high[r]));
+            }
+            rows
+        }
+    }
+}
+
+/// Left columns of sixteen fetches, and how far right of and below their middles the points lie.
+#[derive(Clone, Copy)]
+pub struct Place {
+    at: [u32; 16],
+    p: __m512,
+    q: __m512,
 }
 
 /// Texel coordinates of a side of the square, in a bordered level. Bounds hold for any input, NaN
@@ -184,44 +242,44 @@ unsafe fn indices(v: __m512i) -> [u32; 16] {
     }
 }
 
-/// One row of two quads, in single precision.
+/// One column of each of two fetches, in single precision.
 #[inline(always)]
-unsafe fn row(a: *const Quad, b: *const Quad, first: usize) -> __m512 {
+unsafe fn column(a: *const Column, b: *const Column, nth: usize) -> __m512 {
     unsafe {
-        let a = _mm_load_si128(a.cast::<__m128i>().add(first));
-        let b = _mm_load_si128(b.cast::<__m128i>().add(first));
+        let a = _mm_load_si128(a.add(nth).cast());
+        let b = _mm_load_si128(b.add(nth).cast());
         _mm512_cvtph_ps(_mm256_inserti128_si256::<1>(_mm256_castsi128_si256(a), b))
     }
 }
 
-/// Left and right texels of lanes `k` and `k + 4`, interpolated downwards.
+/// Upper and lower texels of lanes `k` and `k + 4`, interpolated sideways.
 #[inline(always)]
-unsafe fn pair(quads: *const Quad, at: &[u32; 16], k: usize, q: __m512) -> __m512 {
+unsafe fn pair(columns: *const Column, at: &[u32; 16], k: usize, p: __m512) -> __m512 {
     unsafe {
-        let (a, b) = (quads.add(at[k] as usize), quads.add(at[k + 4] as usize));
-        let (upper, lower) = (row(a, b, 0), row(a, b, 1));
+        let (a, b) = (columns.add(at[k] as usize), columns.add(at[k + 4] as usize));
+        let (left, right) = (column(a, b, 0), column(a, b, 1));
         let (a, b) = (k as i32, k as i32 + 4);
         let pick = _mm512_setr_epi32(a, a, a, a, a, a, a, a, b, b, b, b, b, b, b, b);
-        let q = _mm512_permutexvar_ps(pick, q);
-        _mm512_fmadd_ps(q, _mm512_sub_ps(lower, upper), upper)
+        let p = _mm512_permutexvar_ps(pick, p);
+        _mm512_fmadd_ps(p, _mm512_sub_ps(right, left), left)
     }
 }
 
 /// RGBA of lanes K, K + 4, K + 8 and K + 12.
 #[inline(always)]
 unsafe fn group<const K: usize>(
-    quads: *const Quad,
+    columns: *const Column,
     at: &[u32; 16],
     p: __m512,
     q: __m512,
 ) -> __m512 {
     unsafe {
-        let (first, second) = (pair(quads, at, K, q), pair(quads, at, K + 8, q));
-        let left = _mm512_shuffle_f32x4::<0b10_00_10_00>(first, second);
-        let right = _mm512_shuffle_f32x4::<0b11_01_11_01>(first, second);
+        let (first, second) = (pair(columns, at, K, p), pair(columns, at, K + 8, p));
+        let upper = _mm512_shuffle_f32x4::<0b10_00_10_00>(first, second);
+        let lower = _mm512_shuffle_f32x4::<0b11_01_11_01>(first, second);
         let (a, b, c, d) = (K as i32, K as i32 + 4, K as i32 + 8, K as i32 + 12);
         let pick = _mm512_setr_epi32(a, a, a, a, b, b, b, b, c, c, c, c, d, d, d, d);
-        let p = _mm512_permutexvar_ps(pick, p);
-        _mm512_fmadd_ps(p, _mm512_sub_ps(right, left), left)
+        let q = _mm512_permutexvar_ps(pick, q);
+        _mm512_fmadd_ps(q, _mm512_sub_ps(lower, upper), upper)
     }
 }

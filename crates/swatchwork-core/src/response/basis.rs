@@ -118,7 +118,7 @@ fn half_ring(ring: &Ring) -> impl Iterator<Item = [f32; 2]> + use<> {
 }
 
 /// Ranges of what is not negligible beside a row's largest weight.
-fn runs(weights: &[f32]) -> Vec<Range<usize>> {
+pub(super) fn runs(weights: &[f32]) -> Vec<Range<usize>> {
     let least = 1e-9 * weights.iter().fold(0.0f32, |m, w| m.max(w.abs()));
     let mut runs: Vec<Range<usize>> = Vec::new();
     for (at, _) in weights.iter().enumerate().filter(|(_, w)| w.abs() > least) {

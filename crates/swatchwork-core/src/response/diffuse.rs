@@ -27,13 +27,16 @@ pub fn shapes<L: Lanes>(cosine: L) -> [L; SHAPES] {
 }
 
 /// Integrals over the visible hemisphere of L n.i / pi times each shape of n.i, three channels each.
+pub type Integrals = [[f32; 3]; SHAPES];
+
+/// The integrals of one texel.
 /// `mask` has a word a row of cells; bit 1 is visible sky.
 #[inline(always)]
 pub fn cosine_integrals<L: Lanes>(
     pyramid: &Pyramid,
     normal: [f32; 3],
     mask: Option<&[u64]>,
-) -> [[f32; 3]; SHAPES] {
+) -> Integrals {
     let n = each!(C => L::splat(normal[C]));
     let zero = L::splat(0.0);
     let mut sums = [[zero; 3]; SHAPES];

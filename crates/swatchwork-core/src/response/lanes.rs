@@ -70,13 +70,23 @@ pub trait Lanes:
     fn any_positive(self) -> bool;
     /// What `fetch` counts radiance in.
     fn fetch_unit(mipmap: &Mipmap) -> f32 {
-        mipmap.quad_unit
+        mipmap.unit
     }
-    /// Bilinear radiance at a point (u, v) of the square. The level is floor(log2(area) / 2), for
-    /// an `area` in texels of the base.
-    fn fetch(mipmap: &Mipmap, u: Self, v: Self, area: Self) -> [Self; 3];
+    /// Where `fetch` finds its texels.
+    type Place: Copy;
+    /// Any place.
+    const NOWHERE: Self::Place;
+    /// The place of a point (u, v) of the square, which the cache is asked to load. The level is
+    /// floor(log2(area) / 2), for an `area` in texels of the base.
+    fn locate(mipmap: &Mipmap, u: Self, v: Self, area: Self) -> Self::Place;
+    /// Bilinear radiance at a place.
+    fn fetch(mipmap: &Mipmap, place: &Self::Place) -> [Self; 3];
     /// 1 where the sky is visible at (u, v), else 0.
     fn visible(sky: &Sky, u: Self, v: Self) -> Self;
+    /// Eight values, lane after lane.
+    fn by_lane(rows: [Self; 8]) -> [[f32; 8]; LANES];
+    /// The inverse of `by_lane`.
+    fn from_lanes(lanes: &[[f32; 8]; LANES]) -> [Self; 8];
 }
 
 /// Plain arrays, for machines without a faster implementation, and as the vector versions' twin.
@@ -169,8 +179,16 @@ impl Lanes for Plain {
         1.0
     }
 
+    type Place = [Self; 3];
+    const NOWHERE: Self::Place = [Self([0.0; LANES]); 3];
+
     #[inline(always)]
-    fn fetch(mipmap: &Mipmap, u: Self, v: Self, area: Self) -> [Self; 3] {
+    fn locate(_: &Mipmap, u: Self, v: Self, area: Self) -> [Self; 3] {
+        [u, v, area]
+    }
+
+    #[inline(always)]
+    fn fetch(mipmap: &Mipmap, [u, v, area]: &[Self; 3]) -> [Self; 3] {
         let mut out = [[0.0; LANES]; 3];
         for k in 0..LANES {
             let exponent = (area.0[k].to_bits() >> 23) as i32 - 127;
@@ -206,5 +224,15 @@ impl Lanes for Plain {
             }
         }
         Self(out)
+    }
+
+    #[inline(always)]
+    fn by_lane(rows: [Self; 8]) -> [[f32; 8]; LANES] {
+        std::array::from_fn(|k| rows.map(|row| row.0[k]))
+    }
+
+    #[inline(always)]
+    fn from_lanes(lanes: &[[f32; 8]; LANES]) -> [Self; 8] {
+        std::array::from_fn(|r| Self(lanes.map(|lane| lane[r])))
     }
 }

@@ -5,7 +5,7 @@
 //! its light; no affordable set of lookups catches them evenly, but a broad lobe hardly changes over
 //! them. So broad lobes look up what is left, and sum over the lights.
 
-use super::octahedral::{CELLS, direction_from_square};
+use super::octahedral::{CELLS, direction_from_square, morton};
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
@@ -120,7 +120,10 @@ pub fn without_lights(
             cell: square.at.map(|k| k >> (coarsest - square.level)),
         }
     };
-    (rest, done.iter().map(light).collect())
+    // Neighbours on the sky follow one another, so that they fall into the same bins of a pair.
+    let mut lights: Vec<Light> = done.iter().map(light).collect();
+    lights.sort_by_cached_key(|light| morton(light.direction));
+    (rest, lights)
 }
 
 /// Moments of the excess light, from the raster's own squares to those of the sky masks.

@@ -13,22 +13,25 @@ pub struct Level {
     pub size: usize,
 }
 
-/// Upper left, upper right, lower left and lower right texel of a fetch, RGBA in half precision.
+/// A texel and the one below it, RGBA in half precision: two neighbours are the four texels of a
+/// bilinear fetch.
 #[derive(Debug, Clone, Copy)]
-#[repr(C, align(32))]
-pub struct Quad(pub [[u16; 4]; 4]);
+#[repr(C, align(16))]
+pub struct Column(pub [[u16; 4]; 2]);
 
 /// All levels of a raster, from the base down to a single texel.
 #[derive(Debug, Clone)]
 pub struct Mipmap {
     pub texels: Vec<[f32; 4]>,
     pub levels: Vec<Level>,
-    /// The same levels for the vector kernels: the four texels of each bilinear fetch side by side,
-    /// in half precision after division by `quad_unit`, and where each level's quads start.
-    pub quads: Vec<Quad>,
-    pub quad_unit: f32,
-    pub quad_start: [i32; 16],
-    pub quad_size: [f32; 16],
+    /// The same levels for the vector kernels, `size + 1` rows of `size + 2` columns each: in half
+    /// precision after division by `unit`. Fetches are bound by the cache, and this is half of what
+    /// all four texels side by side would take, with as few loads.
+    pub columns: Vec<Column>,
+    pub unit: f32,
+    /// Where each level's columns start, and its texels along a side.
+    pub start: [i32; 16],
+    pub side: [f32; 16],
 }
 
 impl Mipmap {
@@ -37,10 +40,10 @@ impl Mipmap {
         let mut mipmap = Self {
             texels: Vec::new(),
             levels: Vec::new(),
-            quads: Vec::new(),
-            quad_unit: 1.0,
-            quad_start: [0; 16],
-            quad_size: [0.0; 16],
+            columns: Vec::new(),
+            unit: 1.0,
+            start: [0; 16],
+            side: [0.0; 16],
         };
         let mut side = size;
         loop {
@@ -57,7 +60,7 @@ impl Mipmap {
             raster = halved(&raster, side);
             side /= 2;
         }
-        mipmap.pack_quads();
+        mipmap.pack_columns();
         mipmap
     }
 
@@ -66,25 +69,23 @@ impl Mipmap {
         self.levels[0].size
     }
 
-    /// Packs the levels into quads. A power of two brings the brightest texel just below 2^15, so that
-    /// half precision keeps eleven bits down to 2^-29 of it.
-    fn pack_quads(&mut self) {
+    /// Packs the levels into columns. A power of two brings the brightest texel just below 2^15, so
+    /// that half precision keeps eleven bits down to 2^-29 of it.
+    fn pack_columns(&mut self) {
         let brightest = self.texels.iter().flatten().fold(0.0f32, |m, &v| m.max(v));
         if brightest > 0.0 {
-            self.quad_unit = (brightest.log2().ceil() - 15.0).clamp(-126.0, 126.0).exp2();
+            self.unit = (brightest.log2().ceil() - 15.0).clamp(-126.0, 126.0).exp2();
         }
-        let packed = |t: &[f32; 4]| t.map(|v| half_from_single(v / self.quad_unit));
+        let packed = |t: &[f32; 4]| t.map(|v| half_from_single(v / self.unit));
         for (at, level) in self.levels.iter().enumerate() {
-            self.quad_start[at] = self.quads.len() as i32;
-            self.quad_size[at] = level.size as f32;
+            self.start[at] = self.columns.len() as i32;
+            self.side[at] = level.size as f32;
             let stride = level.size + 2;
-            for j in 0..=level.size {
-                for i in 0..=level.size {
-                    let first = level.start + j * stride + i;
-                    let four = [first, first + 1, first + stride, first + stride + 1];
-                    self.quads.push(Quad(four.map(|k| packed(&self.texels[k]))));
-                }
-            }
+            let texels = &self.texels[level.start..level.start + stride * stride];
+            let below = &texels[stride..];
+            let columns = texels.iter().zip(below);
+            self.columns
+                .extend(columns.map(|(upper, lower)| Column([packed(upper), packed(lower)])));
         }
     }
 }

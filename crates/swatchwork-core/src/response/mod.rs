@@ -25,11 +25,14 @@ mod lanes;
 mod lights;
 mod mipmap;
 mod octahedral;
+mod peak;
 mod pyramid;
 mod run;
+mod walk;
 
 pub use basis::{Basis, BasisError, DiffuseRow, LightBins, Masking, Ring, SHAPES, SpecularRow};
 pub use fold::Folded;
 pub use octahedral::{direction_from_square, square_from_direction};
+pub use peak::bare_lookups;
 pub use pyramid::{Pyramid, PyramidError};
 pub use run::{InstructionSet, Pairs, generic_responses, representative_responses};

@@ -48,6 +48,20 @@ pub fn direction_from_square(square: [f32; 2]) -> [f32; 3] {
     ]
 }
 
+/// A number of a direction's place on the square whose neighbours are near on the square: ten bits of
+/// the column and of the row in turn.
+pub fn morton(direction: [f32; 3]) -> u32 {
+    let spread = |s: f32| {
+        let v = ((s * 1024.0) as u32).min(1023);
+        let v = (v | v << 8) & 0x00ff_00ff;
+        let v = (v | v << 4) & 0x0f0f_0f0f;
+        let v = (v | v << 2) & 0x3333_3333;
+        (v | v << 1) & 0x5555_5555
+    };
+    let [column, row] = square_from_direction(direction).map(spread);
+    column | row << 1
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

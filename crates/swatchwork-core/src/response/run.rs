@@ -1,16 +1,17 @@
 // SPDX-FileCopyrightText: Swatchwork contributors
 // SPDX-License-Identifier: MIT
 
-//! All pairs: blocks of sixteen over all cores, under the best instruction set of the machine.
+//! All pairs: tasks over all cores, blocks of sixteen, under the best instruction set of the machine.
 
 use super::basis::{Basis, SHAPES};
 use super::block::{Frames, ring_means};
-use super::deposit::light_means;
-use super::diffuse::{cosine_integrals, shapes};
-use super::fold::{Folded, fold_kernels, fold_representatives, transpose};
+use super::deposit::{Part, light_means};
+use super::diffuse::{Integrals, cosine_integrals, shapes};
+use super::fold::{Folded, fold_kernels, fold_representatives};
 use super::lanes::{Array, LANES, Lanes, Plain, Sky};
 use super::octahedral::CELLS;
 use super::pyramid::Pyramid;
+use super::walk::{Stop, Walk};
 #[cfg(target_arch = "x86_64")]
 use super::{avx2::Avx2, avx512::Avx512};
 use rayon::prelude::*;
@@ -136,12 +137,15 @@ pub fn representative_responses(
 /// Working space of one task.
 struct Scratch {
     means: Vec<Array>,
-    lights: Vec<[f32; 4]>,
+    lights: Vec<Part>,
     results: Vec<Array>,
+    /// Cosine integrals of each of the task's texels, once they are known.
+    integrals: Vec<Option<Integrals>>,
 }
 
-/// Blocks that one task walks: enough to amortise its scratch space.
-const BLOCKS_A_TASK: usize = 8;
+/// Pairs of one task: enough that many see the same part of the environment, few enough that all cores
+/// have a share of a few thousand.
+const PAIRS_A_TASK: usize = 512;
 
 fn run(job: &Job, width: usize, set: InstructionSet, out: &mut [f32]) {
     assert!(set.available(), "{set:?} is not available on this machine");
@@ -149,57 +153,69 @@ fn run(job: &Job, width: usize, set: InstructionSet, out: &mut [f32]) {
     if width == 0 {
         return;
     }
-    out.par_chunks_mut(BLOCKS_A_TASK * LANES * width)
+    out.par_chunks_mut(PAIRS_A_TASK * width)
         .enumerate()
         .for_each(|(task, out)| {
+            let walk = Walk::new(&job.pairs, task * PAIRS_A_TASK, out.len() / width);
             let mut scratch = Scratch {
                 means: vec![[0.0; LANES]; job.basis.means() * 3],
                 lights: Vec::new(),
                 results: vec![[0.0; LANES]; width],
+                integrals: vec![None; walk.texels],
             };
-            for (block, out) in out.chunks_mut(LANES * width).enumerate() {
-                let first = (task * BLOCKS_A_TASK + block) * LANES;
-                dispatch(job, first, set, &mut scratch);
-                transpose(&scratch.results, out);
+            for stops in walk.stops.chunks(LANES) {
+                dispatch(job, stops, set, &mut scratch);
+                for (lane, stop) in stops.iter().enumerate() {
+                    let own = &mut out[(stop.pair - walk.first) * width..][..width];
+                    for (value, result) in own.iter_mut().zip(&scratch.results) {
+                        *value = result[lane];
+                    }
+                }
             }
         });
 }
 
-fn dispatch(job: &Job, first: usize, set: InstructionSet, scratch: &mut Scratch) {
+fn dispatch(job: &Job, stops: &[Stop], set: InstructionSet, scratch: &mut Scratch) {
     #[cfg(target_arch = "x86_64")]
     {
         #[target_feature(
             enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma,f16c,bmi1,bmi2,popcnt"
         )]
-        fn avx512(job: &Job, first: usize, scratch: &mut Scratch) {
-            block::<Avx512>(job, first, scratch);
+        fn avx512(job: &Job, stops: &[Stop], scratch: &mut Scratch) {
+            block::<Avx512>(job, stops, scratch);
         }
         #[target_feature(enable = "avx2,fma,f16c,bmi1,bmi2,popcnt")]
-        fn avx2(job: &Job, first: usize, scratch: &mut Scratch) {
-            block::<Avx2>(job, first, scratch);
+        fn avx2(job: &Job, stops: &[Stop], scratch: &mut Scratch) {
+            block::<Avx2>(job, stops, scratch);
         }
         match set {
             // SAFETY: `run` has checked that the machine has the instruction set.
-            InstructionSet::Avx512 => return unsafe { avx512(job, first, scratch) },
-            InstructionSet::Avx2 => return unsafe { avx2(job, first, scratch) },
+            InstructionSet::Avx512 => return unsafe { avx512(job, stops, scratch) },
+            InstructionSet::Avx2 => return unsafe { avx2(job, stops, scratch) },
             InstructionSet::Baseline => {}
         }
     }
-    block::<Plain>(job, first, scratch);
+    block::<Plain>(job, stops, scratch);
 }
 
 /// One block: ring means, cosine integrals, and the products with the weights.
 #[inline(always)]
-fn block<L: Lanes>(job: &Job, first: usize, scratch: &mut Scratch) {
+fn block<L: Lanes>(job: &Job, stops: &[Stop], scratch: &mut Scratch) {
     let Scratch {
         means,
         lights,
         results,
+        integrals,
     } = scratch;
     let pairs = &job.pairs;
-    let last = (first + LANES).min(pairs.normal.len());
-    let frames = Frames::new(&pairs.normal[first..last], &pairs.to_viewer[first..last]);
-    let row: [i32; LANES] = std::array::from_fn(|k| pairs.sky_row[(first + k).min(last - 1)]);
+    // Lanes without a pair repeat the last.
+    let pair: [usize; LANES] = std::array::from_fn(|k| stops[k.min(stops.len() - 1)].pair);
+    let frames = Frames::new(
+        pair.map(|p| pairs.normal[p]),
+        pair.map(|p| pairs.to_viewer[p]),
+        stops.len(),
+    );
+    let row = pair.map(|p| pairs.sky_row[p]);
     let sky = Sky {
         words: pairs.sky,
         row,
@@ -208,7 +224,7 @@ fn block<L: Lanes>(job: &Job, first: usize, scratch: &mut Scratch) {
     ring_means::<L>(job.basis, job.pyramid, &frames, &sky, means);
     light_means::<L>(job.basis, job.pyramid, &frames, &sky, lights, means);
     if !job.basis.diffuse.is_empty() {
-        diffuse_means::<L>(job, first, last, &frames, &sky, means);
+        diffuse_means::<L>(job, stops, &frames, &sky, integrals, means);
     }
     match job.reduction {
         Reduction::Kernels => fold_kernels::<L>(job.basis, means, results),
@@ -217,28 +233,24 @@ fn block<L: Lanes>(job: &Job, first: usize, scratch: &mut Scratch) {
 }
 
 /// Fills the last means of a block: the cosine integral of each shape of n.i, times each shape of n.o.
-/// Pairs of the same texel follow one another, so that its integrals are made once.
 #[inline(always)]
 fn diffuse_means<L: Lanes>(
     job: &Job,
-    first: usize,
-    last: usize,
+    stops: &[Stop],
     frames: &Frames,
     sky: &Sky,
+    known: &mut [Option<Integrals>],
     means: &mut [Array],
 ) {
     let mut integrals = [[[0.0; LANES]; 3]; SHAPES];
-    for k in 0..last - first {
-        let normal = job.pairs.normal[first + k];
-        let same =
-            k > 0 && normal == job.pairs.normal[first + k - 1] && sky.row[k] == sky.row[k - 1];
-        let value = if same {
-            integrals.map(|channels| channels.map(|lanes| lanes[k - 1]))
-        } else {
+    for (k, stop) in stops.iter().enumerate() {
+        if known[stop.texel].is_none() {
             let mask =
                 (sky.row[k] >= 0).then(|| &sky.words[sky.row[k] as usize * CELLS..][..CELLS]);
-            cosine_integrals::<L>(job.pyramid, normal, mask)
-        };
+            let normal = job.pairs.normal[stop.pair];
+            known[stop.texel] = Some(cosine_integrals::<L>(job.pyramid, normal, mask));
+        }
+        let value = known[stop.texel].unwrap_or_default();
         for a in 0..SHAPES {
             for c in 0..3 {
                 integrals[a][c][k] = value[a][c];

@@ -3,9 +3,13 @@
 
 //! The blend step over many texels (Eq. 12), each independent of the others.
 
+// Indices where iterators would do: those are not inlined into functions of other target features.
+#![allow(clippy::needless_range_loop)]
+
 use super::enumerate::{best_of, brute_force};
-use super::exact::best_blend;
-use super::hull::Hull;
+use super::exact::{Node, best_blend};
+use super::hull::{Blend, Hull};
+use super::simd::{Four, dispatched};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -36,14 +40,23 @@ pub struct Blended {
     pub visited: u64,
 }
 
+/// Index and weight [M, n], the errors [M], and the supports visited in all.
+pub struct Slots {
+    pub index: Vec<u32>,
+    pub weight: Vec<f32>,
+    pub error: Vec<f64>,
+    pub visited: u64,
+}
+
 /// Texels that one task takes on.
 const BLOCK: usize = 64;
 
 impl Texels<'_> {
-    fn hull(&self, x: usize, hull: &mut Hull) {
+    #[inline(always)]
+    fn hull<F: Four>(&self, x: usize, hull: &mut Hull) {
         let (a, b) = (self.offsets[x], self.offsets[x + 1]);
         let row = 3 * self.representatives;
-        hull.set(
+        hull.set::<F>(
             &self.responses[a * row..b * row],
             &self.radiance[3 * a..3 * b],
             self.representatives,
@@ -55,66 +68,217 @@ impl Texels<'_> {
     }
 }
 
+/// What a blend of many texels is asked for.
+struct Job<'a> {
+    texels: &'a Texels<'a>,
+    most: usize,
+    search: Search,
+    previous: &'a [f64],
+    supports: Vec<u64>,
+}
+
+/// Working space of a task.
+#[derive(Default)]
+struct Scratch {
+    hull: Hull,
+    stack: Vec<Node>,
+}
+
 /// Best blends of at most `most` representatives. `previous` [M, N] (empty: none) are the last weights,
 /// tried first. A texel without views gets all its weight on the first representative, and error 0.
 pub fn blend(texels: &Texels, most: usize, search: Search, previous: &[f64]) -> Blended {
     let n = texels.representatives;
     let most = most.min(n);
-    let supports = match search {
-        Search::Pruned {
-            sample,
-            cover,
-            seed,
-        } => frequent_supports(texels, most, sample, cover, seed),
-        _ => Vec::new(),
-    };
     let mut weights = vec![0.0; texels.count() * n];
+    let job = Job::new(texels, most, search, previous);
     let mut error = vec![0.0; texels.count()];
-    let visited: Vec<u64> = weights
+    let visited = weights
         .par_chunks_mut(BLOCK * n)
         .zip(error.par_chunks_mut(BLOCK))
         .enumerate()
-        .map_init(Hull::default, |hull, (block, (weights, error))| {
-            let mut visited = 0;
-            for (q, (w, e)) in weights.chunks_mut(n).zip(error).enumerate() {
-                let x = block * BLOCK + q;
-                texels.hull(x, hull);
-                let hint = support_of(previous.get(x * n..(x + 1) * n).unwrap_or(&[]));
-                let (found, count) = match search {
-                    Search::Exact => {
-                        let found = best_blend(hull, most, hint);
-                        (found.blend, found.visited)
-                    }
-                    Search::Brute => brute_force(hull, most),
-                    Search::Pruned { .. } => {
-                        let mut list = supports.clone();
-                        if hint != 0 && hint.count_ones() as usize <= most && !list.contains(&hint)
-                        {
-                            list.push(hint);
-                        }
-                        best_of(hull, &list)
-                    }
-                };
-                w.copy_from_slice(&found.weights);
-                *e = found.value;
-                visited += count as u64;
-            }
-            visited
+        .map_init(Scratch::default, |scratch, (block, (weights, error))| {
+            dense_block(&job, block * BLOCK, scratch, weights, error)
         })
-        .collect();
+        .sum();
     Blended {
         weights,
         error,
-        visited: visited.iter().sum(),
+        visited,
     }
 }
 
-fn support_of(weights: &[f64]) -> u64 {
-    weights
-        .iter()
+/// The same as n slots a texel, the largest weight first; an unused slot has weight 0 and the index of
+/// the first.
+pub fn blend_slots(texels: &Texels, most: usize, search: Search) -> Slots {
+    let job = Job::new(texels, most.min(texels.representatives), search, &[]);
+    let mut index = vec![0; texels.count() * most];
+    let mut weight = vec![0.0; texels.count() * most];
+    let mut error = vec![0.0; texels.count()];
+    let visited = index
+        .par_chunks_mut(BLOCK * most)
+        .zip(weight.par_chunks_mut(BLOCK * most))
+        .zip(error.par_chunks_mut(BLOCK))
         .enumerate()
-        .filter(|(_, w)| **w > 0.0)
-        .fold(0, |m, (i, _)| m | 1 << i)
+        .map_init(
+            Scratch::default,
+            |scratch, (block, ((index, weight), error))| {
+                slots_block(&job, block * BLOCK, scratch, index, weight, error)
+            },
+        )
+        .sum();
+    Slots {
+        index,
+        weight,
+        error,
+        visited,
+    }
+}
+
+dispatched! {
+    fn dense_block(job: &Job, first: usize, scratch: &mut Scratch, weights: &mut [f64], error: &mut [f64]) -> u64 = dense_block_with
+}
+
+#[inline(always)]
+fn dense_block_with<F: Four>(
+    job: &Job,
+    first: usize,
+    scratch: &mut Scratch,
+    weights: &mut [f64],
+    error: &mut [f64],
+) -> u64 {
+    let n = job.texels.representatives;
+    let mut visited = 0;
+    for q in 0..error.len() {
+        let (found, count) = job.texel::<F>(first + q, scratch);
+        weights[q * n..(q + 1) * n].copy_from_slice(&found.weights[..n]);
+        error[q] = found.value;
+        visited += u64::from(count);
+    }
+    visited
+}
+
+dispatched! {
+    fn slots_block(job: &Job, first: usize, scratch: &mut Scratch, index: &mut [u32], weight: &mut [f32], error: &mut [f64]) -> u64 = slots_block_with
+}
+
+#[inline(always)]
+fn slots_block_with<F: Four>(
+    job: &Job,
+    first: usize,
+    scratch: &mut Scratch,
+    index: &mut [u32],
+    weight: &mut [f32],
+    error: &mut [f64],
+) -> u64 {
+    let slots = index.len() / error.len();
+    let mut visited = 0;
+    for q in 0..error.len() {
+        let (found, count) = job.texel::<F>(first + q, scratch);
+        fill_slots(
+            &found,
+            &mut index[q * slots..(q + 1) * slots],
+            &mut weight[q * slots..(q + 1) * slots],
+        );
+        error[q] = found.value;
+        visited += u64::from(count);
+    }
+    visited
+}
+
+/// Insertion sort: few weights, the largest first, the lower index first among equals.
+fn fill_slots(blend: &Blend, index: &mut [u32], weight: &mut [f32]) {
+    let mut used = 0;
+    let mut sorted = [(0.0, 0u32); super::hull::MOST];
+    for i in (0..super::hull::MOST).filter(|i| blend.support >> i & 1 == 1) {
+        let mut at = used;
+        while at > 0 && sorted[at - 1].0 < blend.weights[i] {
+            sorted[at] = sorted[at - 1];
+            at -= 1;
+        }
+        sorted[at] = (blend.weights[i], i as u32);
+        used += 1;
+    }
+    for k in 0..index.len() {
+        let (w, i) = if k < used {
+            sorted[k]
+        } else {
+            (0.0, sorted[0].1)
+        };
+        weight[k] = w as f32;
+        index[k] = i;
+    }
+}
+
+impl<'a> Job<'a> {
+    fn new(texels: &'a Texels<'a>, most: usize, search: Search, previous: &'a [f64]) -> Self {
+        let supports = match search {
+            Search::Pruned {
+                sample,
+                cover,
+                seed,
+            } => frequent_supports(texels, most, sample, cover, seed),
+            _ => Vec::new(),
+        };
+        Job {
+            texels,
+            most,
+            search,
+            previous,
+            supports,
+        }
+    }
+
+    /// The best blend of one texel, and the supports looked at.
+    #[inline(always)]
+    fn texel<F: Four>(&self, x: usize, scratch: &mut Scratch) -> (Blend, u32) {
+        let Scratch { hull, stack } = scratch;
+        let n = self.texels.representatives;
+        self.texels.hull::<F>(x, hull);
+        let hint = hint_of(
+            self.previous.get(x * n..(x + 1) * n).unwrap_or(&[]),
+            hull.kappa,
+        );
+        match self.search {
+            Search::Exact => {
+                let found = best_blend::<F>(hull, self.most, &hint, stack);
+                (found.blend, found.visited)
+            }
+            Search::Brute => brute_force(hull, self.most),
+            Search::Pruned { .. } => {
+                let mut list = self.supports.clone();
+                let small = (1..=self.most as u32).contains(&hint.support.count_ones());
+                if small && !list.contains(&hint.support) {
+                    list.push(hint.support);
+                }
+                best_of::<F>(hull, &list)
+            }
+        }
+    }
+}
+
+/// The last weights as a blend to set out from; its scale is that of a value near zero.
+fn hint_of(weights: &[f64], kappa: f64) -> Blend {
+    let mut hint = Blend {
+        total: 1.0 / kappa,
+        ..Blend::NONE
+    };
+    for (i, &w) in weights.iter().enumerate() {
+        if w > 0.0 {
+            hint.support |= 1 << i;
+            hint.weights[i] = w;
+        }
+    }
+    hint
+}
+
+dispatched! {
+    fn brute_texel(texels: &Texels, most: usize, x: usize, hull: &mut Hull) -> u64 = brute_texel_with
+}
+
+#[inline(always)]
+fn brute_texel_with<F: Four>(texels: &Texels, most: usize, x: usize, hull: &mut Hull) -> u64 {
+    texels.hull::<F>(x, hull);
+    brute_force(hull, most).0.support
 }
 
 /// Supports found by brute force at a random share of the texels, the rarest dropped while the rest
@@ -136,10 +300,7 @@ fn frequent_supports(texels: &Texels, most: usize, sample: f64, cover: f64, seed
     }
     let found: Vec<u64> = chosen
         .par_iter()
-        .map_init(Hull::default, |hull, &x| {
-            texels.hull(x, hull);
-            brute_force(hull, most).0.support
-        })
+        .map_init(Hull::default, |hull, &x| brute_texel(texels, most, x, hull))
         .collect();
     let mut counts = BTreeMap::new();
     for support in &found {

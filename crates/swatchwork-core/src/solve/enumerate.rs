@@ -4,7 +4,8 @@
 //! The blend step by enumeration: every support of at most n (brute force, section 4), or those of a
 //! given list (the pruned search of section 6). The exact search is measured against both.
 
-use super::hull::{Blend, Hull};
+use super::hull::{Blend, Hull, MOST};
+use super::simd::Four;
 
 /// All supports of 1..=n of the hull's points, depth first. The Cholesky rows of G_SS and of
 /// L z = 1 grow by one a level: sum(y) = ||z||^2, so the weights are only worked out where a support
@@ -16,11 +17,7 @@ pub fn brute_force(hull: &Hull, most: usize) -> (Blend, u32) {
         chosen: Vec::with_capacity(most),
         factor: Vec::new(),
         z: Vec::with_capacity(most),
-        best: Blend {
-            support: 0,
-            weights: vec![0.0; hull.size],
-            value: f64::INFINITY,
-        },
+        best: Blend::NONE,
         visited: 0,
     };
     state.extend(0, 0.0);
@@ -39,8 +36,8 @@ struct Enumeration<'a> {
 
 impl Enumeration<'_> {
     fn extend(&mut self, first: usize, total: f64) {
-        let n = self.hull.size;
-        for j in first..n {
+        let n = self.hull.stride;
+        for j in first..self.hull.size {
             self.visited += 1;
             let row = self.factor.len();
             let mut rest = self.hull.gram[j * n + j];
@@ -91,16 +88,24 @@ impl Enumeration<'_> {
         if y.iter().any(|&v| v < 0.0) {
             return;
         }
-        let mut weights = vec![0.0; self.hull.size];
+        let mut weights = [0.0; MOST];
         for (&i, v) in self.chosen.iter().zip(&y) {
             weights[i] = v / total;
         }
-        let value = self.hull.value(&weights);
+        let mut value = 0.0;
+        for &i in &self.chosen {
+            for &k in &self.chosen {
+                let g = self.hull.gram[i * self.hull.stride + k] - self.hull.kappa;
+                value += weights[i] * weights[k] * g;
+            }
+        }
+        let value = f64::max(value, 0.0);
         if value < self.best.value {
             let support = self.chosen.iter().fold(0, |m, &i| m | 1 << i);
             self.best = Blend {
                 support,
                 weights,
+                total,
                 value,
             };
         }
@@ -108,14 +113,11 @@ impl Enumeration<'_> {
 }
 
 /// Best of the listed supports.
-pub fn best_of(hull: &mut Hull, supports: &[u64]) -> (Blend, u32) {
-    let mut best = Blend {
-        support: 0,
-        weights: vec![0.0; hull.size],
-        value: f64::INFINITY,
-    };
+#[inline(always)]
+pub fn best_of<F: Four>(hull: &mut Hull, supports: &[u64]) -> (Blend, u32) {
+    let mut best = Blend::NONE;
     for &support in supports {
-        let blend = hull.relax(support);
+        let blend = hull.relax::<F>(support, &Blend::NONE);
         if blend.value < best.value {
             best = blend;
         }

@@ -7,9 +7,11 @@
 //! A node allows a set of representatives and forces some of them. Its bound is the simplex-constrained
 //! optimum over the allowed set, without the bound on the support's size; if that optimum has at most n
 //! non-zeros it is a solution, and at the root it is the global one. Otherwise the node branches on
-//! the largest weight that is not forced yet: leave it out, or force it.
+//! the largest weight that is not forced yet: force it, or leave it out. A child sets out from its
+//! parent's optimum.
 
 use super::hull::{Blend, Hull};
+use super::simd::Four;
 
 /// The best blend and how many relaxations it took.
 pub struct Found {
@@ -17,97 +19,118 @@ pub struct Found {
     pub visited: u32,
 }
 
-struct Search<'a> {
-    hull: &'a mut Hull,
-    most: u32,
-    best: Blend,
-    visited: u32,
+/// A node to look at: relaxed already, or to be relaxed from its parent's optimum.
+pub struct Node {
+    allowed: u64,
+    forced: u64,
+    blend: Blend,
+    relaxed: bool,
 }
 
-/// `hint`: a support to try first (the texel's last choice), 0 for none.
-pub fn best_blend(hull: &mut Hull, most: usize, hint: u64) -> Found {
-    let all = if hull.size == 64 {
-        u64::MAX
-    } else {
-        (1 << hull.size) - 1
-    };
-    let root = hull.relax(all);
-    if root.support.count_ones() as usize <= most {
+/// `hint`: the texel's last choice, tried first; 0 for none. `stack` is working space.
+#[inline(always)]
+pub fn best_blend<F: Four>(
+    hull: &mut Hull,
+    most: usize,
+    hint: &Blend,
+    stack: &mut Vec<Node>,
+) -> Found {
+    let (all, most) = (hull.all(), most as u32);
+    let root = hull.relax::<F>(all, hint);
+    if root.support.count_ones() <= most {
         return Found {
             blend: root,
             visited: 1,
         };
     }
     // Start from the better of the hint and the relaxation's n largest weights.
-    let mut best = hull.relax(largest(&root.weights, most));
+    let mut best = hull.relax::<F>(largest(&root, most), &root);
     let mut visited = 2;
-    if hint != 0 && hint & all == hint && hint.count_ones() as usize <= most {
-        let hinted = hull.relax(hint);
+    if hint.support != 0 && hint.support.count_ones() <= most {
+        let hinted = hull.relax::<F>(hint.support, hint);
         visited += 1;
         if hinted.value < best.value {
             best = hinted;
         }
     }
-    let mut search = Search {
-        hull,
-        most: most as u32,
-        best,
-        visited,
-    };
-    search.branch(all, 0, root);
-    Found {
-        blend: search.best,
-        visited: search.visited,
+    stack.clear();
+    stack.push(Node {
+        allowed: all,
+        forced: 0,
+        blend: root,
+        relaxed: true,
+    });
+    while let Some(mut node) = stack.pop() {
+        // A bound that cannot beat the best by more than rounding cuts the node.
+        let hopeless = |value: f64| value >= best.value * (1.0 - 1e-12);
+        if hopeless(node.blend.value) {
+            continue;
+        }
+        if !node.relaxed {
+            node.blend = hull.relax::<F>(node.allowed, &node.blend);
+            visited += 1;
+            if hopeless(node.blend.value) {
+                continue;
+            }
+        }
+        if node.blend.support.count_ones() <= most {
+            best = node.blend;
+            continue;
+        }
+        let free = node.blend.support & !node.forced;
+        if free == 0 {
+            continue;
+        }
+        let pick = largest_bit(&node.blend.weights, free);
+        let with = node.forced | pick;
+        stack.push(Node {
+            allowed: node.allowed & !pick,
+            relaxed: false,
+            ..node
+        });
+        // Forced: the relaxation stays what it is, until the support is full.
+        if with.count_ones() == most {
+            let leaf = hull.relax::<F>(with, &node.blend);
+            visited += 1;
+            if !hopeless(leaf.value) {
+                best = leaf;
+            }
+        } else {
+            stack.push(Node {
+                forced: with,
+                relaxed: true,
+                ..node
+            });
+        }
     }
+    Found {
+        blend: best,
+        visited,
+    }
+}
+
+/// The bit of the largest weight of `free`.
+#[inline(always)]
+fn largest_bit(weights: &[f64], free: u64) -> u64 {
+    let mut left = free;
+    let (mut best, mut largest) = (0, f64::NEG_INFINITY);
+    while left != 0 {
+        let bit = left & left.wrapping_neg();
+        left &= left - 1;
+        let w = weights[bit.trailing_zeros() as usize];
+        if w >= largest {
+            (best, largest) = (bit, w);
+        }
+    }
+    best
 }
 
 /// Mask of the `most` largest weights.
-fn largest(weights: &[f64], most: usize) -> u64 {
-    let mut order: Vec<usize> = (0..weights.len()).collect();
-    order.sort_by(|&a, &b| weights[b].total_cmp(&weights[a]));
-    order[..most.min(order.len())]
-        .iter()
-        .fold(0, |m, &i| m | 1 << i)
-}
-
-impl Search<'_> {
-    /// A relaxed node that cannot beat the best by more than rounding is cut.
-    fn hopeless(&self, value: f64) -> bool {
-        value >= self.best.value * (1.0 - 1e-12)
+#[inline(always)]
+fn largest(blend: &Blend, most: u32) -> u64 {
+    let mut chosen = 0;
+    for _ in 0..most {
+        chosen |= largest_bit(&blend.weights, blend.support & !chosen);
     }
-
-    fn branch(&mut self, allowed: u64, forced: u64, relaxed: Blend) {
-        if self.hopeless(relaxed.value) {
-            return;
-        }
-        if relaxed.support.count_ones() <= self.most {
-            self.best = relaxed;
-            return;
-        }
-        let free = relaxed.support & !forced;
-        let Some(pick) = (0..self.hull.size)
-            .filter(|&i| free >> i & 1 == 1)
-            .max_by(|&a, &b| relaxed.weights[a].total_cmp(&relaxed.weights[b]))
-        else {
-            return;
-        };
-        // Forced: the relaxation stays what it is, until the support is full.
-        let with = forced | 1 << pick;
-        if with.count_ones() == self.most {
-            let leaf = self.relax(with);
-            if !self.hopeless(leaf.value) {
-                self.best = leaf;
-            }
-        } else {
-            self.branch(allowed, with, relaxed);
-        }
-        let without = allowed & !(1 << pick);
-        let next = self.relax(without);
-        self.branch(without, forced, next);
-    }
-
-    fn relax(&mut self, allowed: u64) -> Blend {
-        self.visited += 1;
-        self.hull.relax(allowed)
-    }
+    chosen
 }

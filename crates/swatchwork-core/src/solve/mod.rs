@@ -6,7 +6,9 @@
 pub mod blend;
 pub mod enumerate;
 pub mod exact;
+mod gram;
 pub mod hull;
 pub mod nnls;
 pub mod problem;
 pub mod representatives;
+mod simd;

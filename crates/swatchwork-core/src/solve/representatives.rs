@@ -10,12 +10,13 @@
 //!
 //!   b_i = sum_x gamma_x w_{x,i} s*_x' s_hat_x              [J].
 
-use super::nnls::{Status, Workspace};
-use super::problem::Problem;
-use rayon::prelude::*;
+// Indices where iterators would do: those are not inlined into functions of other target features.
+#![allow(clippy::needless_range_loop)]
 
-/// Rows a block of the Gram products holds: two blocks of it stay in the second-level cache.
-const BLOCK_ROWS: usize = 256;
+use super::gram::gram_matrices;
+use super::nnls::{Quadratic, Status, Workspace};
+use super::problem::{BLOCK, Problem};
+use rayon::prelude::*;
 
 /// H and b of one channel, and c = sum_x gamma_x ||s_hat_x||^2.
 pub struct NormalEquations {
@@ -24,142 +25,73 @@ pub struct NormalEquations {
     pub c: f64,
 }
 
-/// Texels whose blend holds both i and k, with gamma_x w_i w_k.
-fn sharing(
-    problem: &Problem,
-    weights: &[f64],
-    n_reps: usize,
-    i: usize,
-    k: usize,
-) -> Vec<(usize, f64)> {
-    (0..problem.texels())
-        .filter_map(|x| {
-            let w = weights[x * n_reps + i] * weights[x * n_reps + k];
-            (w > 0.0).then(|| (x, w * problem.gamma[x]))
-        })
-        .collect()
-}
-
-/// sum over the listed texels of factor * s*' s*, one channel.
-fn gram_block(problem: &Problem, channel: usize, list: &[(usize, f64)]) -> Vec<f64> {
-    let j = problem.kernels;
-    let mut sum = vec![0.0; j * j];
-    let mut rows = Vec::with_capacity(BLOCK_ROWS * j);
-    let mut scaled = Vec::with_capacity(BLOCK_ROWS * j);
-    let mut flush = |rows: &mut Vec<f64>, scaled: &mut Vec<f64>| {
-        let count = rows.len() / j;
-        // SAFETY: rows and scaled are count x j, sum is j x j, all dense row-major.
-        unsafe {
-            matrixmultiply::dgemm(
-                j,
-                count,
-                j,
-                1.0,
-                scaled.as_ptr(),
-                1,
-                j as isize,
-                rows.as_ptr(),
-                j as isize,
-                1,
-                1.0,
-                sum.as_mut_ptr(),
-                j as isize,
-                1,
-            );
-        }
-        rows.clear();
-        scaled.clear();
-    };
-    for &(x, factor) in list {
-        for p in problem.offsets[x]..problem.offsets[x + 1] {
-            let s = &problem.responses[channel][p * j..(p + 1) * j];
-            rows.extend(s.iter().map(|&v| v as f64));
-            scaled.extend(s.iter().map(|&v| v as f64 * factor));
-            if rows.len() == BLOCK_ROWS * j {
-                flush(&mut rows, &mut scaled);
+impl NormalEquations {
+    /// x'Hx - 2 b'x + c.
+    fn value(&self, x: &[f64]) -> f64 {
+        let mut value = self.c;
+        for (k, row) in self.h.chunks(x.len()).enumerate() {
+            if x[k] > 0.0 {
+                let hx: f64 = row.iter().zip(x).map(|(h, x)| h * x).sum();
+                value += x[k] * (hx - 2.0 * self.b[k]);
             }
         }
+        value
     }
-    if !rows.is_empty() {
-        flush(&mut rows, &mut scaled);
-    }
-    sum
 }
 
 /// Accumulate the normal equations of the three channels. `weights` is dense, [M, N].
 pub fn normal_equations(problem: &Problem, weights: &[f64], n_reps: usize) -> [NormalEquations; 3] {
-    let j = problem.kernels;
-    let size = n_reps * j;
-    let pairs: Vec<(usize, usize)> = (0..n_reps)
-        .flat_map(|i| (i..n_reps).map(move |k| (i, k)))
-        .collect();
-    let lists: Vec<Vec<(usize, f64)>> = pairs
-        .par_iter()
-        .map(|&(i, k)| sharing(problem, weights, n_reps, i, k))
-        .collect();
-    let tasks: Vec<(usize, usize)> = (0..pairs.len())
-        .filter(|&q| !lists[q].is_empty())
-        .flat_map(|q| (0..3).map(move |c| (q, c)))
-        .collect();
-    let blocks: Vec<Vec<f64>> = tasks
-        .par_iter()
-        .with_max_len(1)
-        .map(|&(q, c)| gram_block(problem, c, &lists[q]))
-        .collect();
-    let mut out = [0, 1, 2].map(|c| right_side(problem, weights, n_reps, c));
-    for (&(q, c), block) in tasks.iter().zip(&blocks) {
-        let (i, k) = pairs[q];
-        for a in 0..j {
-            for d in 0..j {
-                let v = block[a * j + d];
-                out[c].h[(i * j + a) * size + k * j + d] = v;
-                out[c].h[(k * j + d) * size + i * j + a] = v;
-            }
-        }
-    }
-    out
+    let mut channel = 0;
+    gram_matrices(problem, weights, n_reps).map(|h| {
+        let (b, c) = right_side(problem, weights, n_reps, channel);
+        channel += 1;
+        NormalEquations { h, b, c }
+    })
 }
 
+/// b and c of one channel.
 fn right_side(
     problem: &Problem,
     weights: &[f64],
     n_reps: usize,
     channel: usize,
-) -> NormalEquations {
+) -> (Vec<f64>, f64) {
     let j = problem.kernels;
-    let size = n_reps * j;
-    let mut b = vec![0.0; size];
+    let radiance = &problem.radiance[channel];
+    let mut b = vec![0.0; n_reps * j];
     let mut c = 0.0;
-    let mut sum = vec![0.0; j];
     for x in 0..problem.texels() {
-        sum.fill(0.0);
-        for p in problem.offsets[x]..problem.offsets[x + 1] {
-            let s_hat = problem.radiance[channel][p] as f64;
-            c += problem.gamma[x] * s_hat * s_hat;
-            for (v, &s) in sum
-                .iter_mut()
-                .zip(&problem.responses[channel][p * j..(p + 1) * j])
-            {
-                *v += s as f64 * s_hat;
+        let pairs = problem.offsets[x]..problem.offsets[x + 1];
+        let energy: f64 = radiance[pairs].iter().map(|&s| f64::from(s).powi(2)).sum();
+        c += problem.gamma[x] * energy;
+    }
+    for block in 0..problem.blocks() {
+        let rows = problem.block(channel, block);
+        let kernels = block * BLOCK..j.min((block + 1) * BLOCK);
+        for x in 0..problem.texels() {
+            let mut sum = [0.0; BLOCK];
+            for p in problem.offsets[x]..problem.offsets[x + 1] {
+                let s_hat = f64::from(radiance[p]);
+                for k in 0..BLOCK {
+                    sum[k] += f64::from(rows[p][k]) * s_hat;
+                }
             }
-        }
-        for i in 0..n_reps {
-            let w = weights[x * n_reps + i] * problem.gamma[x];
-            if w > 0.0 {
-                for (v, &s) in b[i * j..(i + 1) * j].iter_mut().zip(&sum) {
-                    *v += w * s;
+            for i in 0..n_reps {
+                let w = weights[x * n_reps + i] * problem.gamma[x];
+                if w > 0.0 {
+                    for (v, &s) in b[i * j..][kernels.clone()].iter_mut().zip(&sum) {
+                        *v += w * s;
+                    }
                 }
             }
         }
     }
-    NormalEquations {
-        h: vec![0.0; size * size],
-        b,
-        c,
-    }
+    (b, c)
 }
 
 /// The optimal representatives [N, J, 3] for the given weights, from `start` [N, J, 3] (zeros: cold).
+/// With `slack` above zero they are only nearly so: a kernel stays out if alone it would gain less than that
+/// share of what the start leaves.
 /// A representative that no texel uses comes back as zero. Also the data term of Eq. 5, as a mean over
 /// texels, and whether all three channels converged.
 pub fn optimise(
@@ -167,6 +99,7 @@ pub fn optimise(
     weights: &[f64],
     n_reps: usize,
     start: &[f64],
+    slack: f64,
 ) -> (Vec<f64>, f64, Status) {
     let j = problem.kernels;
     let size = n_reps * j;
@@ -177,15 +110,15 @@ pub fn optimise(
         .map(|(c, e)| {
             let mut x: Vec<f64> = (0..size).map(|k| start[k * 3 + c]).collect();
             // A slope of 1e-9 of the data's norm leaves at most 5e-19 of its energy unexplained.
-            let status =
-                Workspace::default().solve(&e.h, &e.b, |_| true, &mut x, 1e-9 * e.c.sqrt());
-            let mut value = e.c;
-            for (k, row) in e.h.chunks(size).enumerate() {
-                if x[k] > 0.0 {
-                    let hx: f64 = row.iter().zip(&x).map(|(h, x)| h * x).sum();
-                    value += x[k] * (hx - 2.0 * e.b[k]);
-                }
-            }
+            let least = 1e-9 * e.c.sqrt();
+            let share = (2.0 * slack * e.value(&x).max(0.0)).sqrt();
+            let quadratic = Quadratic {
+                h: &e.h,
+                b: &e.b,
+                block: j,
+            };
+            let status = Workspace::default().solve(&quadratic, &mut x, least.max(share));
+            let value = e.value(&x);
             (x, value, status)
         })
         .collect();

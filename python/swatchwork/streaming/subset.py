@@ -1,0 +1,143 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""The solver on a subset of the texels: representatives are vastly over-determined (design section 3).
+
+The subset begins evenly spread. The solution is then tried on a larger survey; where that has texels fitted
+so badly that the subset cannot have known of them, those join it, and the solver goes on from where it was.
+Each texel of a subset stands for its share of the surface, so that Eq. 5 stays a mean over the surface
+whatever the subset favours.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import F64, I64
+from ..errors import InputError
+from ..keeping import IN_MEMORY, Keeper
+from ..observe import Rendering, stratified
+from ..progress import SILENT, Progress
+from ..reflectance import GenericBasis
+from ..solve import Problem, Solution, SolveOptions, blend, resume, solve
+from .budget import Budget
+
+SURVEYED = 5
+"""Times as many texels as the subset has that a survey looks at: it finds what covers a fifth as much."""
+ROUNDS = 3
+"""Surveys at most."""
+POOR = 3.0
+"""A texel with this many times the root-mean-square relative error is fitted badly."""
+JOINING = 0.25
+"""Badly fitted texels that join, at most, as a share of the subset."""
+
+
+@dataclass(frozen=True)
+class Subset:
+    """Texels I64[T], rising, and the share of the surface each stands for, F64[T], the largest 1."""
+
+    texels: I64
+    share: F64
+
+
+def solve_on_subset(
+    rendering: Rendering,
+    basis: GenericBasis,
+    texels: int,
+    options: SolveOptions,
+    budget: Budget | None = None,
+    progress: Progress = SILENT,
+    keeper: Keeper = IN_MEMORY,
+) -> Solution:
+    """Find n, N and the representatives from about ``texels`` texels, and more where those miss something.
+
+    Raises:
+        InputError: their responses do not fit into the budget.
+    """
+    budget = budget or Budget()
+    chosen = stratified(rendering.observations, texels, options.seed)
+    subset = Subset(chosen, np.ones(len(chosen)))
+    most = budget.subset(basis.kernels)
+    pairs = _pairs(rendering, chosen)
+    if pairs > most:
+        raise InputError(
+            f"{len(chosen)} texels, {pairs} measured (texel, view) pairs, for the search",
+            expected=f"at most {most} pairs within the memory allowed",
+            hint="Lower --texels or raise --memory.",
+        )
+
+    def first() -> Solution:
+        with progress.stage("respond"):
+            problem = _problem(rendering, basis, subset)
+        with progress.stage("solve"):
+            return solve(problem, options, progress)
+
+    solution = Solution.of(keeper.kept("solve", lambda: first().arrays()))
+    for turn in range(1, ROUNDS + 1):
+        with progress.stage("survey"):
+            larger = _surveyed(rendering, basis, subset, solution, texels, options, budget, turn)
+        if larger is None or _pairs(rendering, larger.texels) > most:
+            break
+        subset = larger
+
+        def more(subset: Subset = subset, solution: Solution = solution) -> Solution:
+            with progress.stage("solve on"):
+                return resume(_problem(rendering, basis, subset), solution, options, progress)
+
+        solution = Solution.of(keeper.kept(f"solve-{turn}", lambda more=more: more().arrays()))  # type: ignore[misc]
+    return solution
+
+
+def _pairs(rendering: Rendering, texels: I64) -> int:
+    return int(rendering.observations.coverage[texels].sum(dtype=np.int64))
+
+
+def _problem(rendering: Rendering, basis: GenericBasis, subset: Subset) -> Problem:
+    pairs = rendering.pairs(subset.texels)
+    return Problem(rendering.generic(basis, pairs), pairs.radiance, pairs.offsets, subset.share)
+
+
+def _surveyed(
+    rendering: Rendering,
+    basis: GenericBasis,
+    subset: Subset,
+    solution: Solution,
+    texels: int,
+    options: SolveOptions,
+    budget: Budget,
+    turn: int,
+) -> Subset | None:
+    """The subset with badly fitted texels of a survey added; None if no representative would pay.
+
+    What they would pay is the excess of their squared relative error over the mean, as a mean over the
+    survey, less what the subset has of the same kind, which the solver knew of: a representative costs
+    lambda_1.
+    """
+    survey = stratified(rendering.observations, SURVEYED * texels, options.seed + turn)
+    error = np.empty(len(survey))
+    done = 0
+    for tile in rendering.tiles(survey, budget.tile(solution.N)):
+        pairs = rendering.pairs(tile)
+        responses = rendering.representatives(basis, solution.representatives, pairs)
+        found = blend(responses, pairs.radiance, pairs.offsets, solution.n, search=options.search)
+        error[done : done + len(tile)] = rendering.relative_error(pairs, found.squared_error) ** 2
+        done += len(tile)
+    bar, was = POOR**2 * solution.data, solution.relative_error
+
+    def excess(error: F64, share: F64) -> float:
+        return float((share * np.maximum(error - solution.data, 0))[error > bar].sum() / share.sum())
+
+    missed = excess(error, np.ones(len(survey))) - excess(was, subset.share)
+    if missed < solution.lambda1:
+        return None
+    poor = np.setdiff1d(survey[error > bar], subset.texels)
+    joining = poor[:: max(1, -(-len(poor) // int(JOINING * texels)))]
+    if not len(joining):
+        return None
+    everyone = np.concatenate([subset.texels, joining])
+    bad = np.concatenate([was > bar, np.ones(len(joining), dtype=bool)])
+    part = float((error > bar).mean())
+    share = np.where(bad, part / bad.sum(), (1 - part) / max((~bad).sum(), 1))
+    order = np.argsort(everyone)
+    return Subset(everyone[order], (share / share.max())[order])

@@ -1,0 +1,97 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""Swatchwork and the outside peer (peer.py) on the same captures, one after the other.
+
+    python scripts/bench/beside_peer.py --captures ../shared/captures --json target/bench/peer.json
+
+`swatchwork reconstruct` with its defaults, a process of its own; then the peer, scored at ours x 1, ours x 5
+and further doublings until it has converged or --most seconds are over. Finished captures stay in
+target/bench/peer; delete a file to repeat it.
+
+Columns: seconds, peak memory in MB, novel-light NRMS in %, and ours over the peer's.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import shared
+from shared import results
+
+NAMES = ("sphere-merl", "igea-merl")
+PEER = shared.HERE / "peer.py"
+
+
+def measure(capture: Path, most: float, work: Path) -> dict[str, Any]:
+    """Ours, then the peer's curve."""
+    ours = shared.reconstruct(capture, work / "material")
+    ours["evaluation"] = shared.novel_light(work / "material", capture / "test", work / "renders")
+    seconds = ours["cost"]["wall_s"]
+    file = work / "peer.json"
+    command = [sys.executable, str(PEER), str(capture), "--at", f"{seconds:.1f}", f"{5 * seconds:.1f}"]
+    command += ["--seconds", f"{max(most, 10 * seconds):.0f}", "--until-converged"]
+    command += ["--renders", str(work / "peer"), "--json", str(file)]
+    shared.follow(command)
+    return {"capture": capture.name, "ours": ours, "peer": json.loads(file.read_text(encoding="utf-8"))}
+
+
+HEAD = ["capture", "who", "s", "MB", "NRMS", "ours / theirs"]
+
+
+def rows(found: dict[str, Any]) -> list[list[str]]:
+    """Ours, then the peer at each checkpoint."""
+    ours, curve = found["ours"], found["peer"]["curve"]
+    nrms = ours["evaluation"]["nrms"]
+    mine = [f"{ours['cost']['wall_s']:.0f}", f"{ours['cost']['peak_mb']:.0f}", f"{100 * nrms:.2f}"]
+    cells = [[found["capture"], "swatchwork", *mine, ""]]
+    for point in curve:
+        last = ", converged" if point is curve[-1] and found["peer"]["converged"] else ""
+        theirs = [f"{point['seconds']:.0f}", f"{point['peak_mb']:.0f}", f"{100 * point['nrms']:.2f}"]
+        cells.append([found["capture"], f"peer{last}", *theirs, f"{nrms / point['nrms']:.2f}"])
+    return cells
+
+
+def ratios(found: dict[str, Any]) -> tuple[float, float]:
+    """Ours over the peer's converged one: NRMS, and time."""
+    best = min(found["peer"]["curve"], key=lambda point: point["nrms"])
+    # The first time within the tolerance of its best is when it had converged.
+    arrived = next(point for point in found["peer"]["curve"] if point["nrms"] <= 1.01 * best["nrms"])
+    return (
+        found["ours"]["evaluation"]["nrms"] / best["nrms"],
+        found["ours"]["cost"]["wall_s"] / arrived["seconds"],
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--captures", type=Path, required=True, help="folder of capture folders")
+    parser.add_argument("--only", nargs="+", default=NAMES)
+    parser.add_argument(
+        "--most", type=float, default=1200, help="seconds for the peer, at least ten times ours"
+    )
+    parser.add_argument("--json", type=Path)
+    args = parser.parse_args()
+    done = []
+    for name in args.only:
+        capture, work = (args.captures / name).resolve(), shared.BENCH / "peer" / name
+        if not (capture / "transforms.json").exists() and not work.with_suffix(".json").exists():
+            print(f"skipped: there is no capture {args.captures / name}")
+            continue
+        done.append(
+            shared.kept(
+                work.with_suffix(".json"),
+                lambda capture=capture, work=work: measure(capture, args.most, work),
+            )
+        )
+    print(results.table(HEAD, [row for found in done for row in rows(found)]))
+    shared.write(args.json, {"captures": done})
+
+
+if __name__ == "__main__":
+    main()
