@@ -43,9 +43,10 @@ def material(capture: Path) -> Path:
     options = ReconstructOptions(32, "paper", texels=200, solve=SolveOptions(n=1, N=2))
     summary = reconstruct_folder(capture, folder, options)
     assert (summary.n, summary.N, summary.views, summary.resolution) == (1, 2, 4, 32)
-    assert [s.name for s in summary.stages] == [
-        "read", "surface", "observe", "respond", "solve", "blend", "write"
-    ]  # fmt: skip
+    stages = [stage.name for stage in summary.stages]
+    assert stages[:5] == ["read", "surface", "observe", "respond", "solve"]
+    assert set(stages[5:-2]) <= {"survey", "solve on"}  # as often as the subset grows
+    assert stages[-2:] == ["blend", "write"]
     json.dumps(summary.as_dict(), allow_nan=False)
     return folder
 
