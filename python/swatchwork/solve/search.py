@@ -176,9 +176,11 @@ def _ladder(run: Run, table: Table, n: int) -> None:
     while max(1, run.least(n) - 1) < model.N:
         smaller = run.settle(moves.shrink(problem, table[n, model.N], n, options), n, "shrink")
         gained = _keep(table, n, smaller)
-        # Further down lie models that lost already.
-        behind = run.objective(smaller, n) / run.objective(table[_best_of(run, table, n)], n)
-        if behind > (HOPELESS if gained else 1.0) and model.N - 1 != run.options.N:
+        best = _best_of(run, table, n)
+        # Down to the best model whatever the ones on the way look like, and past it while that may gain.
+        behind = run.objective(smaller, n) / run.objective(table[best], n)
+        hopeless = behind > (HOPELESS if gained else 1.0) and smaller.N < best[1]
+        if hopeless and model.N - 1 != run.options.N:
             break
         model = smaller
 
