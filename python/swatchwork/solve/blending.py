@@ -31,19 +31,6 @@ class Blend:
     visited: int
     """Supports (relaxations) looked at, over all texels."""
 
-    def sparse(self, n: int) -> tuple[U32, F32]:
-        """Index [M, n] and weight [M, n], the largest weight first; unused slots have weight 0.
-
-        Where n exceeds N the slots beyond N are unused too.
-        """
-        order = np.argsort(-self.weights, axis=1, kind="stable")[:, :n]
-        weight = np.take_along_axis(self.weights, order, axis=1)
-        unused = max(0, n - order.shape[1])
-        order = np.pad(order, ((0, 0), (0, unused)))
-        weight = np.pad(weight, ((0, 0), (0, unused)))
-        index = np.where(weight > 0, order, order[:, :1])
-        return index.astype(np.uint32), weight.astype(np.float32)
-
 
 @dataclass(frozen=True)
 class SparseBlend:

@@ -179,7 +179,7 @@ def _ladder(run: Run, table: Table, n: int) -> None:
         best = _best_of(run, table, n)
         # Down to the best model whatever the ones on the way look like, and past it while that may gain.
         behind = run.objective(smaller, n) / run.objective(table[best], n)
-        hopeless = behind > (HOPELESS if gained else 1.0) and smaller.N < best[1]
+        hopeless = behind > (HOPELESS if gained else 1.0) and best[1] > smaller.N
         if hopeless and model.N - 1 != run.options.N:
             break
         model = smaller

@@ -20,7 +20,7 @@ from ..keeping import IN_MEMORY, Keeper
 from ..observe import Rendering, stratified
 from ..progress import SILENT, Progress
 from ..reflectance import GenericBasis
-from ..solve import Problem, Solution, SolveOptions, blend, resume, solve
+from ..solve import Problem, Solution, SolveOptions, resume, solve, sparse_blend
 from .budget import Budget
 
 SURVEYED = 5
@@ -120,7 +120,7 @@ def _surveyed(
     for tile in rendering.tiles(survey, budget.tile(solution.N)):
         pairs = rendering.pairs(tile)
         responses = rendering.representatives(basis, solution.representatives, pairs)
-        found = blend(responses, pairs.radiance, pairs.offsets, solution.n, search=options.search)
+        found = sparse_blend(responses, pairs.radiance, pairs.offsets, solution.n, search=options.search)
         error[done : done + len(tile)] = rendering.relative_error(pairs, found.squared_error) ** 2
         done += len(tile)
     bar, was = POOR**2 * solution.data, solution.relative_error

@@ -15,7 +15,7 @@ from ..keeping import IN_MEMORY, Array, Keeper
 from ..observe import Rendering
 from ..progress import SILENT, Progress
 from ..reflectance import GenericBasis
-from ..solve import Search, Solution, blend
+from ..solve import Search, Solution, sparse_blend
 from .budget import Budget
 
 
@@ -68,7 +68,6 @@ def blend_tile(
     """``index`` U8[T, n], ``weight`` F32[T, n] and ``residual`` F32[T] of some texels."""
     pairs = rendering.pairs(tile)
     responses = rendering.representatives(basis, solution.representatives, pairs)
-    best = blend(responses, pairs.radiance, pairs.offsets, solution.n, search=search)
-    index, weight = best.sparse(solution.n)
+    best = sparse_blend(responses, pairs.radiance, pairs.offsets, solution.n, search=search)
     residual = rendering.relative_error(pairs, best.squared_error).astype(np.float32)
-    return {"index": index.astype(np.uint8), "weight": weight, "residual": residual}
+    return {"index": best.index.astype(np.uint8), "weight": best.weight, "residual": residual}
