@@ -41,7 +41,7 @@ class ReconstructOptions:
     weighting: Weighting = "projected"
     """Weights of measurements: by projected area, or `equal` as in the paper's Eq. 5."""
     memory: float = 2.0
-    """GB of memory to stay within, about: the size of tiles and the most that the search may hold."""
+    """GB that the search and the tiles may take beside atlas and photograph, about."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,8 @@ def reconstruct(
         rendering = Rendering(observations, Lights.of_capture(capture), sky, options.weighting)
     solution = solve_on_subset(rendering, basis, options.texels, options.solve, budget, progress, keeper)
     with progress.stage("blend"):
-        blend = blend_every_texel(rendering, basis, solution, options.solve.search, budget, progress, keeper)
+        how = options.solve
+        blend = blend_every_texel(rendering, basis, solution, how.search, how.seed, budget, progress, keeper)
     return Reconstruction(mesh, scene, observations, rendering, basis, solution, blend)
 
 

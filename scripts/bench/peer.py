@@ -37,7 +37,7 @@ import shared
 from swatchwork.capture import Camera, Capture, read_capture, read_photograph, write_exr
 from swatchwork.errors import InputError
 from swatchwork.light import Environment
-from swatchwork.observe import environments_of
+from swatchwork.observe import Lights
 from swatchwork.surface import Mesh, parametrised, read_mesh
 
 STARTED = time.perf_counter()
@@ -110,10 +110,11 @@ def raster(light: Environment) -> np.ndarray:
 
 
 def light_of(capture: Capture) -> Environment:
-    lights, _ = environments_of(capture)
-    if len(lights) != 1:
-        raise InputError(f"{len(lights)} environments", file=capture.file, expected="one, for this peer")
-    return lights[0]
+    groups = list(Lights.of_capture(capture).groups())
+    if len(groups) != 1:
+        raise InputError(f"{len(groups)} lights", file=capture.file, expected="one, for this peer")
+    environment, turn, _ = groups[0]
+    return environment.rotated(turn)
 
 
 class Scene:

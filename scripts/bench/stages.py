@@ -150,15 +150,14 @@ def gram(args: argparse.Namespace) -> dict[str, Any]:
 
     n, N, J = 3, 9, basis_by_name("extended").kernels
     point, normal, _, offsets = pairs_on_a_sphere(4000, 26, 0)
-    if not hasattr(SolverProblem, "normal_equations"):
-        return {"rate": None, "limit": blas_gflops(J, args.repeats) * 1e9}
     rng = np.random.default_rng(0)
     responses = rng.random((len(normal), J, 3), dtype=np.float32)
     radiance = rng.random((len(normal), 3), dtype=np.float32)
     problem = SolverProblem(responses, radiance, offsets, np.full(len(point), 1e-3))
     weights = dense_weights(*blend_pattern(point, materials=N, blended=n, patches=5.0), N)
     seconds = best(args.repeats, lambda: problem.normal_equations(weights, 0))
-    # Blocks of the pairs of representatives that share a texel, in three channels.
+    # Equivalent work: blocks of the pairs of representatives that share a texel, in three channels. The
+    # kernel does less (a texel's views once for all pairs, upper tiles), so this can pass the limit.
     flops = 2 * len(normal) * J**2 * n * (n + 1) / 2 * 3
     return {"rate": flops / seconds, "limit": blas_gflops(J, args.repeats) * 1e9, "J": J}
 

@@ -27,6 +27,8 @@ from shared import results
 SIMULATED, MEASURED = "DustSph", "sphere-merl"
 EVERY = 1 << 30
 """More texels than any atlas has."""
+PLENTY = 16.0
+"""GB for all of their responses at once."""
 
 
 def one(capture: Path, material: Path, resolution: int, every: bool) -> None:
@@ -36,7 +38,7 @@ def one(capture: Path, material: Path, resolution: int, every: bool) -> None:
     options = ReconstructOptions(resolution=resolution)
     if every:
         solve = SolveOptions(explore_texels=EVERY)
-        options = ReconstructOptions(resolution=resolution, texels=EVERY, solve=solve)
+        options = ReconstructOptions(resolution=resolution, texels=EVERY, solve=solve, memory=PLENTY)
     print(json.dumps(reconstruct_folder(capture, material, options).as_dict()))
 
 

@@ -152,14 +152,11 @@ impl SolverProblem {
     }
 
     /// Optimal representatives for the given weights (Eqs. 6, 7): ([N, J, 3], data term, converged).
-    /// With slack above zero, kernels that alone gain less than that share of the misfit stay out.
-    #[pyo3(signature = (weights, start, slack=0.0))]
     fn representatives<'py>(
         &self,
         py: Python<'py>,
         weights: PyReadonlyArray2<f64>,
         start: PyReadonlyArray3<f64>,
-        slack: f64,
     ) -> PyResult<(Bound<'py, PyArray3<f64>>, f64, bool)> {
         let (values, n) = checked_weights(&weights, self.inner.texels())?;
         if self.check_representatives(&start)? != n {
@@ -168,11 +165,8 @@ impl SolverProblem {
             )));
         }
         let start = slice!(start, "start")?;
-        if !(0.0..1.0).contains(&slack) {
-            return Err(invalid(format!("slack: {slack}; expected 0 up to 1")));
-        }
         let (out, value, status) =
-            py.detach(|| representatives::optimise(&self.inner, values, n, start, slack));
+            py.detach(|| representatives::optimise(&self.inner, values, n, start));
         let out = array3(out, [n, self.inner.kernels, 3]).into_pyarray(py);
         Ok((out, value, status == Status::Converged))
     }
@@ -336,7 +330,11 @@ fn blend<'py>(
     let (texels, n) = (input.texels(), input.representatives);
     let previous = match &previous {
         None => &[][..],
-        Some(p) if p.shape() == [texels, n] => slice!(p, "previous")?,
+        Some(p) if p.shape() == [texels, n] => {
+            let previous = slice!(p, "previous")?;
+            finite(previous, "previous")?;
+            previous
+        }
         Some(p) => {
             return Err(invalid(format!(
                 "previous: shape {:?}; expected [{texels}, {n}]",

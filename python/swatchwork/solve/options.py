@@ -41,7 +41,7 @@ class SolveOptions:
     max_alternations: int = 200
     """Most alternations for one (n, N)."""
     seed: int = 0
-    """Of the sample of texels that the pruned blend search starts from."""
+    """Of the texels that the search runs on, and of the sample that the pruned blend search starts from."""
 
     def __post_init__(self) -> None:
         for name in ("n", "N", "max_n", "max_N", "max_alternations", "explore_texels"):

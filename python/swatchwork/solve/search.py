@@ -64,10 +64,12 @@ def resume(
 ) -> Solution:
     """Go on from a solution of other texels, and grow where those of ``problem`` show another material.
 
-    n stays; N grows while that pays by the penalties, which follow the noise that is found here.
+    n stays; N grows while that pays by the penalties. They follow the noise that was found there: what the
+    solution cannot say here is no noise.
     """
     options = options or SolveOptions()
-    penalties = Penalties(problem.measurements, options.lambda0, options.lambda1)
+    known = solution.noise**2
+    penalties = Penalties(problem.measurements, options.lambda0, options.lambda1, known)
     with progress.stage("solve", EXPECTED_GROWTH) as task:
         run = Run(problem, options, penalties, task, EXPECTED_GROWTH, list(solution.history))
         nowhere = np.zeros((0, solution.N))

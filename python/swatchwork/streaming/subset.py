@@ -10,12 +10,13 @@ whatever the subset favours.
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..arrays import F64, I64
-from ..errors import InputError
+from ..errors import CaptureWarning, InputError
 from ..keeping import IN_MEMORY, Keeper
 from ..observe import Rendering, stratified
 from ..progress import SILENT, Progress
@@ -74,10 +75,18 @@ def solve_on_subset(
             return solve(problem, options, progress)
 
     solution = Solution.of(keeper.kept("solve", lambda: first().arrays()))
-    for turn in range(1, ROUNDS + 1):
+    # Section 4's order is that of all its texels together: nothing is grown on afterwards.
+    for turn in range(1, ROUNDS + 1 if options.search_order == "default" else 1):
         with progress.stage("survey"):
             larger = _surveyed(rendering, basis, subset, solution, texels, options, budget, turn)
-        if larger is None or _pairs(rendering, larger.texels) > most:
+        if larger is None:
+            break
+        if (pairs := _pairs(rendering, larger.texels)) > most:
+            message = (
+                "some texels look like a material that the search has not seen, and there is no room for "
+                f"them: {pairs} pairs, expected at most {most}. Raise --memory or lower --texels."
+            )
+            warnings.warn(CaptureWarning(message), stacklevel=2)
             break
         subset = larger
 
@@ -120,7 +129,9 @@ def _surveyed(
     for tile in rendering.tiles(survey, budget.tile(solution.N)):
         pairs = rendering.pairs(tile)
         responses = rendering.representatives(basis, solution.representatives, pairs)
-        found = sparse_blend(responses, pairs.radiance, pairs.offsets, solution.n, search=options.search)
+        found = sparse_blend(
+            responses, pairs.radiance, pairs.offsets, solution.n, search=options.search, seed=options.seed
+        )
         error[done : done + len(tile)] = rendering.relative_error(pairs, found.squared_error) ** 2
         done += len(tile)
     bar, was = POOR**2 * solution.data, solution.relative_error
@@ -132,12 +143,13 @@ def _surveyed(
     if missed < solution.lambda1:
         return None
     poor = np.setdiff1d(survey[error > bar], subset.texels)
-    joining = poor[:: max(1, -(-len(poor) // int(JOINING * texels)))]
+    joining = poor[:: max(1, -(-len(poor) // max(1, int(JOINING * texels))))]
     if not len(joining):
         return None
     everyone = np.concatenate([subset.texels, joining])
     bad = np.concatenate([was > bar, np.ones(len(joining), dtype=bool)])
-    part = float((error > bar).mean())
+    # Not quite all: every texel of the subset stands for something.
+    part = min(float((error > bar).mean()), 0.99)
     share = np.where(bad, part / bad.sum(), (1 - part) / max((~bad).sum(), 1))
     order = np.argsort(everyone)
     return Subset(everyone[order], (share / share.max())[order])

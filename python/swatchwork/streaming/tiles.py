@@ -36,11 +36,15 @@ def blend_every_texel(
     basis: GenericBasis,
     solution: Solution,
     search: Search = "exact",
+    seed: int = 0,
     budget: Budget | None = None,
     progress: Progress = SILENT,
     keeper: Keeper = IN_MEMORY,
 ) -> TexelBlend:
-    """Blend all texels with a solution's representatives."""
+    """Blend all texels with a solution's representatives.
+
+    The exact search gives the same blends whatever the budget; the pruned one samples each tile by itself.
+    """
     observations, n = rendering.observations, solution.n
     M = len(observations.coverage)
     index, weight = np.zeros((M, n), dtype=np.uint32), np.zeros((M, n), dtype=np.float32)
@@ -49,7 +53,7 @@ def blend_every_texel(
     pairs_at_once = (budget or Budget()).tile(solution.N)
     with progress.stage("Blending texels", len(seen)) as task:
         for number, tile in enumerate(rendering.tiles(seen, pairs_at_once)):
-            make = partial(blend_tile, rendering, basis, solution, tile, search)
+            make = partial(blend_tile, rendering, basis, solution, tile, search, seed)
             found = keeper.kept(f"blend-{number:05d}", make)
             index[tile], weight[tile] = found.rows("index"), found.rows("weight")
             residual[tile] = found.rows("residual")
@@ -63,11 +67,11 @@ def blend_every_texel(
 
 
 def blend_tile(
-    rendering: Rendering, basis: GenericBasis, solution: Solution, tile: I64, search: Search
+    rendering: Rendering, basis: GenericBasis, solution: Solution, tile: I64, search: Search, seed: int
 ) -> dict[str, Array]:
     """``index`` U8[T, n], ``weight`` F32[T, n] and ``residual`` F32[T] of some texels."""
     pairs = rendering.pairs(tile)
     responses = rendering.representatives(basis, solution.representatives, pairs)
-    best = sparse_blend(responses, pairs.radiance, pairs.offsets, solution.n, search=search)
+    best = sparse_blend(responses, pairs.radiance, pairs.offsets, solution.n, search=search, seed=seed)
     residual = rendering.relative_error(pairs, best.squared_error).astype(np.float32)
     return {"index": best.index.astype(np.uint8), "weight": best.weight, "residual": residual}

@@ -96,25 +96,10 @@ def checkpoints(output: str | PathLike[str], key: Mapping[str, Any]) -> Iterator
     output = Path(output).absolute()
     folder = output.with_name(f"{output.name}.partial")
     wanted = json.dumps(key, sort_keys=True, indent=1)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        lock = (folder / LOCK).open("w")
-    except OSError as error:
-        raise OutputError(f"{folder}: cannot be written ({error.strerror or error})") from error
-    with lock:
-        if fcntl is not None:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                raise InputError(
-                    "another run is at work here",
-                    file=folder,
-                    expected="one run at a time for an output",
-                    hint="Wait for it, or choose another output folder.",
-                ) from None
+    with _locked(folder):
         if _read(folder / KEY) != wanted:
-            _clear(folder)
             try:
+                _clear(folder)
                 _write(folder / KEY, wanted)
             except OSError as error:
                 raise OutputError(f"{folder}: cannot be written ({error.strerror or error})") from error
@@ -129,6 +114,45 @@ def checkpoints(output: str | PathLike[str], key: Mapping[str, Any]) -> Iterator
                 shutil.rmtree(folder, ignore_errors=True)
             raise
         shutil.rmtree(folder, ignore_errors=True)
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Hold ``folder``, which is made if need be, against other runs."""
+    try:
+        if (
+            folder.is_dir()
+            and (names := {path.name for path in folder.iterdir()})
+            and not names & {KEY, LOCK}
+        ):
+            raise InputError(
+                f"there is a folder of that name, with {min(names)} in it",
+                file=folder,
+                expected="nothing, or what an interrupted run left there",
+                hint="Move it away, or choose another output folder.",
+            )
+        while True:
+            folder.mkdir(parents=True, exist_ok=True)
+            lock = (folder / LOCK).open("w")
+            if fcntl is None:
+                break
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            # A run that ended in between has removed the file that this one opened.
+            with suppress(FileNotFoundError):
+                if os.fstat(lock.fileno()).st_ino == (folder / LOCK).stat().st_ino:
+                    break
+            lock.close()
+    except BlockingIOError:
+        raise InputError(
+            "another run is at work here",
+            file=folder,
+            expected="one run at a time for an output",
+            hint="Wait for it, or choose another output folder.",
+        ) from None
+    except OSError as error:
+        raise OutputError(f"{folder}: cannot be written ({error.strerror or error})") from error
+    with lock:
+        yield
 
 
 def _read(file: Path) -> str | None:

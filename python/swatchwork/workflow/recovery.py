@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import time
 import warnings
 from collections.abc import Iterator
@@ -237,14 +238,24 @@ def key_of(prints: dict[str, str], options: ReconstructOptions) -> dict[str, Any
     """What the parts of an interrupted run must agree on, to be gone on from."""
     return {
         "version": version("swatchwork"),
+        "code": _digest_of_the_package(),
         "kernels": instruction_sets()[-1],
         "inputs": prints,
         "options": asdict(options),
     }
 
 
+def _digest_of_the_package() -> str:
+    """SHA-256 of the package's sources and native core: parts of another build are not gone on from."""
+    package = Path(__file__).resolve().parents[1]
+    digest = hashlib.sha256()
+    for file in sorted(f for f in package.rglob("*") if f.suffix in {".py", ".so", ".pyd"}):
+        digest.update(file.relative_to(package).as_posix().encode() + file.read_bytes())
+    return digest.hexdigest()
+
+
 def fingerprints(capture: Capture) -> dict[str, str]:
-    """SHA-256 of every file the capture names, by its path within the capture where it lies there."""
+    """SHA-256 of every file the capture names, by its path from the capture's folder."""
     files = [capture.file, capture.mesh_path, *capture.occluder_paths]
     files += [
         e.file for e in (capture.environment, *(f.environment for f in capture.frames)) if e is not None
@@ -253,8 +264,7 @@ def fingerprints(capture: Capture) -> dict[str, str]:
     found: dict[str, str] = {}
     for file in files:
         if file is not None:
-            inside = file.is_relative_to(capture.root)
-            name = file.relative_to(capture.root).as_posix() if inside else file.name
+            name = Path(os.path.relpath(file, capture.root)).as_posix()
             if name not in found:
                 with file.open("rb") as stream:
                     found[name] = hashlib.file_digest(stream, "sha256").hexdigest()

@@ -51,6 +51,9 @@ impl InstructionSet {
                     is_x86_feature_detected!("avx2")
                         && is_x86_feature_detected!("fma")
                         && is_x86_feature_detected!("f16c")
+                        && is_x86_feature_detected!("bmi1")
+                        && is_x86_feature_detected!("bmi2")
+                        && is_x86_feature_detected!("popcnt")
                 }
                 Self::Avx512 => {
                     Self::Avx2.available()

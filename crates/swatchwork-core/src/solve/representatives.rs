@@ -90,8 +90,6 @@ fn right_side(
 }
 
 /// The optimal representatives [N, J, 3] for the given weights, from `start` [N, J, 3] (zeros: cold).
-/// With `slack` above zero they are only nearly so: a kernel stays out if alone it would gain less than that
-/// share of what the start leaves.
 /// A representative that no texel uses comes back as zero. Also the data term of Eq. 5, as a mean over
 /// texels, and whether all three channels converged.
 pub fn optimise(
@@ -99,7 +97,6 @@ pub fn optimise(
     weights: &[f64],
     n_reps: usize,
     start: &[f64],
-    slack: f64,
 ) -> (Vec<f64>, f64, Status) {
     let j = problem.kernels;
     let size = n_reps * j;
@@ -111,13 +108,12 @@ pub fn optimise(
             let mut x: Vec<f64> = (0..size).map(|k| start[k * 3 + c]).collect();
             // A slope of 1e-9 of the data's norm leaves at most 5e-19 of its energy unexplained.
             let least = 1e-9 * e.c.sqrt();
-            let share = (2.0 * slack * e.value(&x).max(0.0)).sqrt();
             let quadratic = Quadratic {
                 h: &e.h,
                 b: &e.b,
                 block: j,
             };
-            let status = Workspace::default().solve(&quadratic, &mut x, least.max(share));
+            let status = Workspace::default().solve(&quadratic, &mut x, least);
             let value = e.value(&x);
             (x, value, status)
         })

@@ -113,11 +113,15 @@ mod avx2 {
     }
 }
 
-/// Whether this machine has AVX2 and FMA.
+/// Whether this machine has AVX2, FMA and the bit manipulation that came with them.
 pub fn wide() -> bool {
     #[cfg(target_arch = "x86_64")]
     {
-        is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma")
+        is_x86_feature_detected!("avx2")
+            && is_x86_feature_detected!("fma")
+            && is_x86_feature_detected!("bmi1")
+            && is_x86_feature_detected!("bmi2")
+            && is_x86_feature_detected!("popcnt")
     }
     #[cfg(not(target_arch = "x86_64"))]
     {
