@@ -16,7 +16,7 @@ from ..progress import SILENT, Progress
 from ..reflectance import GenericBasis
 from ..surface import Mesh, RayScene, SkyMasks, build_atlas, padded, sky_masks
 
-SKY_SAMPLES = 8000
+SKY_SAMPLES = 64_000
 """Surface samples that share their self-shadow masks with the texels around them."""
 
 

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -100,9 +101,11 @@ def simulate_capture(
             position, materials=materials, blended=blended, seed=seed, sharp=sharp, patches=patches
         )
 
-    # Nothing shadows a sphere: a few samples are enough to find that.
-    sky_samples = 64 if object_shape == "sphere" else 4000
-    subject = Subject.of(mesh, used, representatives, blend, sky_samples)
+    # As fine as the pixels, so that truth's shadows are not what limits a reconstruction. Nothing shadows a
+    # sphere: a few samples are enough to find that.
+    sky_resolution = min(max(size, 192), 512)
+    sky_samples = 64 if object_shape == "sphere" else 4000 if size < 256 else sky_resolution**2
+    subject = Subject.of(mesh, used, representatives, blend, sky_resolution, sky_samples)
     train, test = (procedural_environment(kind, seed + i) for i, kind in enumerate(lights))
     towards = random_directions(k, seed) if directions is None else directions
     away = random_directions(test_views, seed + TEST_SEED)
@@ -114,17 +117,19 @@ def simulate_capture(
         colour = colour + read_noise * rng.normal(size=colour.shape) * (image[..., 3:] > 0)
         return np.concatenate([np.maximum(colour, 0), image[..., 3:]], axis=-1).astype(np.float32)
 
-    with progress.stage("simulate", len(towards) + len(away)) as task:
+    with progress.stage("simulate", len(towards) + len(away)) as task, ThreadPoolExecutor(2) as threads:
 
         def write(root: Path, views: F64, light: Environment, finish: Callable[[F32], F32]) -> None:
             (root / "images").mkdir(parents=True, exist_ok=True)
             write_exr(root / "env.exr", light.radiance)
             source = EnvironmentSource(root / "env.exr", light.convention)
+            cameras = [camera_towards(direction, size, radius) for direction in views]
+            # Two at a time: the core fills the cores, but what comes before and after it does not.
+            images = threads.map(lambda camera: photograph(subject, camera, light, cells), cameras)
             frames = []
-            for i, direction in enumerate(views):
-                camera = camera_towards(direction, size, radius)
+            for i, (camera, image) in enumerate(zip(cameras, images, strict=True)):
                 name = f"images/{i + 1:04d}.exr"
-                write_exr(root / name, finish(photograph(subject, camera, light, cells)))
+                write_exr(root / name, finish(image))
                 frames.append(Frame(name, root / name, None, 1.0, camera, source))
                 task.advance()
             write_capture(

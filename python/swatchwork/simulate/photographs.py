@@ -9,17 +9,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import F32, F64, I64, U32, unit
+from ..arrays import F32, F64, I32, I64, U32, unit
 from ..capture import Camera
 from ..light import Environment
 from ..reflectance import GenericBasis
 from ..response import representative_responses
-from ..surface import Atlas, Mesh, RayScene, SkyMasks, build_atlas, padded, sky_masks
+from ..surface import Mesh, RayScene, SkyMasks, build_atlas, padded, sky_masks
 from .blends import dense_weights
 
 RAYS = 4
 """Rays along the side of a shading cell; they measure coverage and average normals."""
-SKY_RESOLUTION = 192
 CELLS_AT_ONCE = 1 << 15
 
 Blend = Callable[[F64], tuple[U32, F64]]
@@ -36,16 +35,24 @@ class Subject:
     """[N, J, 3]"""
     blend: Blend
     rays: RayScene
-    atlas: Atlas
     sky: SkyMasks
+    sky_at: I32
+    """[R, R]: rows of ``sky.of_texel`` over the mesh's UVs, row 0 at v = 1."""
 
     @classmethod
     def of(
-        cls, mesh: Mesh, basis: GenericBasis, representatives: F64, blend: Blend, sky_samples: int = 4000
+        cls,
+        mesh: Mesh,
+        basis: GenericBasis,
+        representatives: F64,
+        blend: Blend,
+        sky_resolution: int = 192,
+        sky_samples: int = 4000,
     ) -> Subject:
         """Trace the self-shadowing of a mesh with UVs, and keep it with the material."""
-        rays, atlas = RayScene([mesh]), build_atlas(mesh, SKY_RESOLUTION)
-        return cls(mesh, basis, representatives, blend, rays, atlas, sky_masks(rays, atlas, sky_samples))
+        rays, atlas = RayScene([mesh]), build_atlas(mesh, sky_resolution)
+        sky = sky_masks(rays, atlas, sky_samples)
+        return cls(mesh, basis, representatives, blend, rays, sky, padded(atlas))
 
 
 def photograph(subject: Subject, camera: Camera, light: Environment, cells: int = 1) -> F32:
@@ -104,13 +111,14 @@ def _cells(subject: Subject, camera: Camera, pixels: I64, cells: int) -> tuple[I
     normal = np.einsum("sc,scx->sx", bary, subject.mesh.normals[corners])
     assert subject.mesh.uv is not None
     uv = np.einsum("sc,scx->sx", bary[starts], subject.mesh.uv[corners[starts]])
-    place = np.clip((np.stack([1 - uv[:, 1], uv[:, 0]]) * SKY_RESOLUTION).astype(int), 0, SKY_RESOLUTION - 1)
+    size = len(subject.sky_at)
+    place = np.clip((np.stack([1 - uv[:, 1], uv[:, 0]]) * size).astype(int), 0, size - 1)
     return (
         pixels[at[starts] // side**2],
         count[:, 0] / side**2,
         np.add.reduceat(position, starts) / count,
         unit(np.add.reduceat(normal, starts)),
-        padded(subject.atlas)[place[0], place[1]].astype(np.int64),
+        subject.sky_at[place[0], place[1]].astype(np.int64),
     )
 
 
