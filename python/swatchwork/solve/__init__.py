@@ -11,7 +11,7 @@ from __future__ import annotations
 from .alternation import Alternation, alternate
 from .blending import Blend, Search, SparseBlend, blend, sparse_blend
 from .options import SolveOptions
-from .penalties import Penalties
+from .penalties import Penalties, huber
 from .problem import Problem
 from .search import resume, solve
 from .solution import Solution, Step
@@ -28,6 +28,7 @@ __all__ = [
     "Step",
     "alternate",
     "blend",
+    "huber",
     "resume",
     "solve",
     "sparse_blend",

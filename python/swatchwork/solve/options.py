@@ -38,7 +38,7 @@ class SolveOptions:
     """Texels that models are explored on; the best goes on with all of them."""
     tolerance: float = 2e-3
     """Relative decrease an alternation below which the alternation has converged (design section 3)."""
-    max_alternations: int = 200
+    max_alternations: int = 600
     """Most alternations for one (n, N)."""
     seed: int = 0
     """Of the texels that the search runs on, and of the sample that the pruned blend search starts from."""

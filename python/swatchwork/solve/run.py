@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..arrays import F64
 from ..progress import Task
 from .alternation import Alternation, alternate
 from .blending import blend
@@ -58,10 +59,8 @@ class Run:
         return settled
 
     def note(self, model: Alternation, n: int, move: Move) -> None:
-        self.penalties.observe(model.data, n, model.N)
-        self.history.append(
-            Step(n, model.N, move, model.count, model.data, self.penalties.objective(model.data, n, model.N))
-        )
+        self.penalties.observe(self._relative(model), self.problem.measurements, n, model.N)
+        self.history.append(Step(n, model.N, move, model.count, model.data, self.objective(model, n)))
         error = 100 * np.sqrt(model.data)
         self.task.describe(f"n = {n}, N = {model.N}: relative error {error:.2g} %")
         # The number of models is not known beforehand: the bar slows down towards its end.
@@ -75,7 +74,14 @@ class Run:
         self.ahead = 0.0
 
     def objective(self, model: Alternation, n: int) -> float:
-        return self.penalties.objective(model.data, n, model.N)
+        return self.penalties.objective(self.data(model), n, model.N)
+
+    def data(self, model: Alternation) -> float:
+        """The data term that models are compared by."""
+        return self.penalties.data(self._relative(model), self.problem.share)
+
+    def _relative(self, model: Alternation) -> F64:
+        return self.problem.relative(model.squared_error)
 
     @property
     def most_representatives(self) -> int:

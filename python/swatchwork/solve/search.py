@@ -25,12 +25,14 @@ from .paper_order import paper_order
 from .penalties import Penalties
 from .problem import Problem
 from .run import Run
-from .solution import Solution
+from .solution import Move, Solution
 
 PATIENCE = 2
 """Representatives added in vain before growth stops."""
 WORTHWHILE = 0.88
 """Growth is in vain when it leaves more than this share of the data term."""
+FINE = 0.1
+"""Tolerance of alternations at the end, over the option's."""
 HOPELESS = 1.3
 """An objective this many times the best is not improved upon by shrinking further."""
 NEAR_PERFECT = 100 * PERFECT
@@ -51,7 +53,7 @@ def solve(problem: Problem, options: SolveOptions | None = None, progress: Progr
         The best model found, the penalties it was judged by, and every (n, N) looked at.
     """
     options = options or SolveOptions()
-    penalties = Penalties(problem.measurements, options.lambda0, options.lambda1)
+    penalties = Penalties(_freedom(problem), options.lambda0, options.lambda1)
     with progress.stage("solve", EXPECTED_MODELS) as task:
         run = Run(problem, options, penalties, task, EXPECTED_MODELS)
         n, model = paper_order(run) if options.search_order == "paper" else _explore_and_refine(run)
@@ -69,7 +71,7 @@ def resume(
     """
     options = options or SolveOptions()
     known = solution.noise**2
-    penalties = Penalties(problem.measurements, options.lambda0, options.lambda1, known)
+    penalties = Penalties(_freedom(problem), options.lambda0, options.lambda1, known)
     with progress.stage("solve", EXPECTED_GROWTH) as task:
         run = Run(problem, options, penalties, task, EXPECTED_GROWTH, list(solution.history))
         nowhere = np.zeros((0, solution.N))
@@ -77,6 +79,10 @@ def resume(
         model = _grown(run, solution.n, start)
         run.finish()
     return _solution(run, solution.n, model)
+
+
+def _freedom(problem: Problem) -> float:
+    return float(np.mean(1 / problem.measurements))
 
 
 def _solution(run: Run, n: int, model: Alternation) -> Solution:
@@ -88,7 +94,7 @@ def _solution(run: Run, n: int, model: Alternation) -> Solution:
         n=n,
         N=model.N,
         data=model.data,
-        objective=penalties.objective(model.data, n, model.N),
+        objective=run.objective(model, n),
         lambda0=penalties.lambda0,
         lambda1=penalties.lambda1,
         noise=float(penalties.variance) ** 0.5,
@@ -111,9 +117,9 @@ def _explore_and_refine(run: Run) -> tuple[int, Alternation]:
 def _grown(run: Run, n: int, model: Alternation) -> Alternation:
     """A model of other texels refined on the run's, and grown for as long as that pays."""
     whole = run.problem
-    model = run.settle(model, n, "refine", coarse=1.0)
+    model = run.settle(model, n, "refine", FINE)
     while run.options.N is None and run.most_representatives > model.N and model.data > NEAR_PERFECT:
-        larger = run.settle(moves.grow(whole, model, n, run.options), n, "grow", coarse=1.0)
+        larger = run.settle(moves.grow(whole, model, n, run.options), n, "grow", FINE)
         if run.objective(larger, n) >= run.objective(model, n):
             break
         model = larger
@@ -138,11 +144,33 @@ def up_down_and_across(run: Run) -> tuple[int, Alternation]:
         best = _best(run, table)
         if best[0] < n or table[best].data < NEAR_PERFECT:
             break
-    refined: set[tuple[int, int]] = set()
-    while (best := _best(run, table)) not in refined:
-        table[best] = run.settle(table[best], best[0], "refine", coarse=1.0)
-        refined.add(best)
+    _refine(run, table)
+    best = _best(run, table)
     return best[0], table[best]
+
+
+def _refine(run: Run, table: Table) -> None:
+    """Converge the best model, and those beside it that came from it, until none of them is better.
+
+    On the way models were left as soon as they slowed down, and one of few weights, held down from one of
+    more, starts far from where it settles: by measurement it takes a hundred alternations and more to
+    arrive at the truth.
+    """
+    problem, options = run.problem, run.options
+    refined: set[tuple[int, int]] = set()
+    beside: list[tuple[Alternation, int, Move]]
+    while (best := _best(run, table)) not in refined:
+        n, N = best
+        refined.add(best)
+        model = run.settle(table[best], n, "refine", FINE)
+        _keep(run, table, n, model)
+        beside = [(model, n - 1, "hold")] if options.n is None and n > 1 else []
+        if options.N is None and n < N:
+            beside.append((moves.shrink(problem, model, n, options), n, "shrink"))
+        if options.N is None and run.most_representatives > N and model.data > NEAR_PERFECT:
+            beside.append((moves.grow(problem, model, n, options), n, "grow"))
+        for start, of, move in beside:
+            _keep(run, table, of, run.settle(start, of, move, FINE))
 
 
 def _best(run: Run, table: Table) -> tuple[int, int]:
@@ -152,10 +180,10 @@ def _best(run: Run, table: Table) -> tuple[int, int]:
     return min(eligible, key=lambda key: run.objective(table[key], key[0]))
 
 
-def _keep(table: Table, n: int, model: Alternation) -> bool:
+def _keep(run: Run, table: Table, n: int, model: Alternation) -> bool:
     """Enter a model into the table if it is better than the one there."""
     rival = table.get((n, model.N))
-    if rival is not None and rival.data <= model.data:
+    if rival is not None and run.data(rival) <= run.data(model):
         return False
     table[n, model.N] = model
     return True
@@ -166,18 +194,18 @@ def _ladder(run: Run, table: Table, n: int) -> None:
     problem, options = run.problem, run.options
     model = moves.start(problem, n, options)
     run.note(model, n, "start")
-    _keep(table, n, model)
+    _keep(run, table, n, model)
     in_vain = 0
     while run.most_representatives > model.N and (in_vain < PATIENCE or run.least(n) > model.N):
         larger = run.settle(moves.grow(problem, model, n, options), n, "grow")
-        in_vain = 0 if larger.data < WORTHWHILE * model.data else in_vain + 1
+        in_vain = 0 if run.data(larger) < WORTHWHILE * run.data(model) else in_vain + 1
         model = larger
-        _keep(table, n, model)
+        _keep(run, table, n, model)
         if model.data < NEAR_PERFECT and run.least(n) <= model.N:
             break
     while max(1, run.least(n) - 1) < model.N:
         smaller = run.settle(moves.shrink(problem, table[n, model.N], n, options), n, "shrink")
-        gained = _keep(table, n, smaller)
+        gained = _keep(run, table, n, smaller)
         best = _best_of(run, table, n)
         # Down to the best model whatever the ones on the way look like, and past it while that may gain.
         behind = run.objective(smaller, n) / run.objective(table[best], n)
@@ -196,4 +224,4 @@ def _hold_down(run: Run, table: Table, n: int) -> None:
     N = _best_of(run, table, n)[1]
     for key in ((n, N), (n, N - 1)):
         if key in table and key[1] >= n - 1:
-            _keep(table, n - 1, run.settle(table[key], n - 1, "hold"))
+            _keep(run, table, n - 1, run.settle(table[key], n - 1, "hold"))

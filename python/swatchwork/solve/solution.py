@@ -49,7 +49,7 @@ class Solution:
     lambda0: float
     lambda1: float
     noise: float
-    """Relative root-mean-square of what the model leaves, freedoms counted off."""
+    """Relative root-mean-square of what a model leaves at the typical texel, freedoms counted off."""
     status: Status
     history: list[Step] = field(default_factory=list)
 

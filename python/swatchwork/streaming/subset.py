@@ -21,7 +21,7 @@ from ..keeping import IN_MEMORY, Keeper
 from ..observe import Rendering, stratified
 from ..progress import SILENT, Progress
 from ..reflectance import GenericBasis
-from ..solve import Problem, Solution, SolveOptions, resume, solve, sparse_blend
+from ..solve import Problem, Solution, SolveOptions, huber, resume, solve, sparse_blend
 from .budget import Budget
 
 SURVEYED = 5
@@ -119,9 +119,9 @@ def _surveyed(
 ) -> Subset | None:
     """The subset with badly fitted texels of a survey added; None if no representative would pay.
 
-    What they would pay is the excess of their squared relative error over the mean, as a mean over the
-    survey, less what the subset has of the same kind, which the solver knew of: a representative costs
-    lambda_1.
+    What they would pay is the excess of their error, as models are compared by it, over the mean, as a mean
+    over the survey, less what the subset has of the same kind, which the solver knew of: a representative
+    costs lambda_1.
     """
     survey = stratified(rendering.observations, SURVEYED * texels, options.seed + turn)
     error = np.empty(len(survey))
@@ -137,7 +137,8 @@ def _surveyed(
     bar, was = POOR**2 * solution.data, solution.relative_error
 
     def excess(error: F64, share: F64) -> float:
-        return float((share * np.maximum(error - solution.data, 0))[error > bar].sum() / share.sum())
+        counted = huber(error, solution.noise**2)
+        return float((share * np.maximum(counted - solution.data, 0))[error > bar].sum() / share.sum())
 
     missed = excess(error, np.ones(len(survey))) - excess(was, subset.share)
     if missed < solution.lambda1:

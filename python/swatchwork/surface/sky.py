@@ -69,7 +69,7 @@ def sky_masks(scene: RayScene, atlas: Atlas, samples: int = SAMPLES, progress: P
 
 
 def _spread_samples(atlas: Atlas, samples: int) -> I64:
-    """Texels evenly over the surface: at equal steps of area along a space-filling (Morton) curve, in its order."""
+    """Texels at equal steps of area along a space-filling (Morton) curve over the surface, in its order."""
     low, high = atlas.position.min(axis=0), atlas.position.max(axis=0)
     cell = np.minimum((atlas.position - low) / max((high - low).max(), 1e-300) * 1024, 1023).astype(np.int64)
     # Opposite sides of a thin wall fall into one cell: keep them apart by the octant of the normal.
@@ -80,10 +80,10 @@ def _spread_samples(atlas: Atlas, samples: int) -> I64:
             key |= ((cell[:, axis] >> bit) & 1) << (3 * bit + axis)
     order = np.argsort(key | (octant << 30), kind="stable")
     if samples >= len(atlas):
-        return order
+        return np.asarray(order, dtype=np.int64)
     area = np.cumsum(atlas.footprint(order))
     steps = (np.arange(samples) + 0.5) / samples * area[-1]
-    return order[np.unique(np.minimum(np.searchsorted(area, steps), len(order) - 1))]
+    return np.asarray(order[np.unique(np.minimum(np.searchsorted(area, steps), len(order) - 1))], np.int64)
 
 
 def _nearest(scene: RayScene, atlas: Atlas, chosen: I64) -> I64:
