@@ -64,6 +64,19 @@ def test_a_half_written_part_does_not_count(tmp_path: Path) -> None:
         assert not keeper.resumed
 
 
+@pytest.mark.parametrize("left", [("lock", "key.json", "half"), ("lock", "half"), ("lock",)])
+def test_a_run_killed_while_it_cleans_up_is_cleared_away(tmp_path: Path, left: tuple[str, ...]) -> None:
+    """The key goes first and the lock last, so that no state on the way is gone on from or refused."""
+    partial = tmp_path / "out.partial"
+    (partial / "one").mkdir(parents=True)
+    for name in left:
+        (partial / name).write_text("{}" if name == "key.json" else "")
+    with checkpoints(tmp_path / "out", {"input": "a"}) as keeper:
+        keeper.kept("one", numbers)
+        assert not keeper.resumed
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_part_that_fails_leaves_nothing(tmp_path: Path) -> None:
     with pytest.raises(AssertionError), checkpoints(tmp_path / "out", {}) as keeper:
         keeper.kept("one", never)

@@ -13,7 +13,7 @@ import trimesh
 from swatchwork.arrays import F64, Bool, unit
 from swatchwork.capture import Camera
 from swatchwork.octahedral import pixel_directions, square_from_direction
-from swatchwork.surface import Atlas, Mesh, RayScene, mesh_from_arrays, sees, sky_masks
+from swatchwork.surface import Atlas, Mesh, RayScene, SkyMasks, mesh_from_arrays, sees, sky, sky_masks
 
 
 def mesh_of(source: trimesh.Trimesh, scale: float = 1.0, shift: float = 0.0) -> Mesh:
@@ -186,15 +186,35 @@ def test_bits_lie_where_the_mapping_says() -> None:
     assert len(row) > 0
 
 
-def test_sharing_masks_changes_irradiance_little() -> None:
+def every_cell(scene: RayScene, atlas: Atlas, monkeypatch: pytest.MonkeyPatch) -> SkyMasks:
+    """Masks of all texels, traced in every cell."""
+    with monkeypatch.context() as patch:
+        patch.setattr(sky, "FIRST_LEVEL", len(atlas))
+        return sky_masks(scene, atlas, len(atlas))
+
+
+def test_finer_levels_see_what_tracing_every_cell_sees(monkeypatch: pytest.MonkeyPatch) -> None:
     mesh = mesh_of(trimesh.creation.torus(1.0, 0.4, major_sections=72, minor_sections=36))
     atlas, scene = centres(mesh), RayScene([mesh])
+    whole = every_cell(scene, atlas, monkeypatch)
+    monkeypatch.setattr(sky, "FIRST_LEVEL", 300)
+    found = sky_masks(scene, atlas, len(atlas))
+    shadowed = (whole.of_texel >= 0) & (found.of_texel >= 0)
+    assert shadowed.mean() > 0.3 and ((whole.of_texel >= 0) == (found.of_texel >= 0)).mean() > 0.99
+    a, b = (bits(masks.words[masks.of_texel[shadowed]]) for masks in (whole, found))
+    # A part of an edge that falls between all six neighbours is missed.
+    assert 0 < (a != b).mean() < 0.002
+
+
+def test_sharing_masks_changes_irradiance_little(monkeypatch: pytest.MonkeyPatch) -> None:
+    mesh = mesh_of(trimesh.creation.torus(1.0, 0.4, major_sections=72, minor_sections=36))
+    atlas, scene = centres(mesh), RayScene([mesh])
+    whole = every_cell(scene, atlas, monkeypatch)
     direction = pixel_directions(64).reshape(-1, 3)
     chosen = np.random.default_rng(3).choice(len(atlas), 400, replace=False)
     cosine = np.maximum(atlas.normal[chosen] @ direction.T, 0)
     found = []
-    for samples in (1000, len(atlas)):
-        masks = sky_masks(scene, atlas, samples)
+    for masks in (sky_masks(scene, atlas, 1000), whole):
         words = np.concatenate([masks.words, np.full((1, 64), 2**64 - 1, np.uint64)])
         found.append((cosine * bits(words[masks.of_texel[chosen]]).reshape(len(chosen), -1)).sum(axis=1))
     error = np.sqrt(((found[0] - found[1]) ** 2).sum() / (found[1] ** 2).sum())

@@ -91,7 +91,7 @@ def main() -> None:
     parser.add_argument("--series", nargs="+", choices=SERIES, default=SERIES)
     parser.add_argument("--resolutions", type=int, nargs="+", default=RESOLUTIONS, help="of the series M")
     parser.add_argument("--resolution", type=int, default=RESOLUTION, help="of the other series")
-    parser.add_argument("--size", type=int, default=1024, help="pixels along an image's side")
+    parser.add_argument("--size", type=int, default=512, help="pixels along an image's side")
     parser.add_argument("--json", type=Path)
     args = parser.parse_args()
     found: dict[str, list[dict[str, Any]]] = {}

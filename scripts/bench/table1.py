@@ -9,8 +9,9 @@ Each row: `swatchwork reconstruct`, a process of its own, from EXR files to mate
 by the search. Then novel-light NRMS on the capture's test/. Finished rows stay in target/bench/table1; delete
 a file to repeat its row.
 
-Columns: paper, minutes on 8 Xeon cores; wall and cpu, minutes here; MB, peak memory of the process; n, N
-found beside the truth's; NRMS, novel light, in %; then the stages' seconds.
+Columns: pixels, along an image's side; paper, minutes on 8 Xeon cores; wall and cpu, minutes here; MB, peak
+memory of the process; n, N found beside the truth's; NRMS in % and PSNR-L in dB, novel light; then the
+stages' seconds.
 """
 
 from __future__ import annotations
@@ -39,6 +40,7 @@ def cells(found: dict[str, Any], names: list[str]) -> list[str]:
     return [
         row["name"],
         row["shape"],
+        str(found["size"]),
         str(row["k"]),
         f"{summary['n']}, {summary['N']} ({row['n']}, {row['N']})",
         str(row["paper_minutes"]),
@@ -46,6 +48,7 @@ def cells(found: dict[str, Any], names: list[str]) -> list[str]:
         f"{cost['cpu_s'] / 60:.1f}",
         f"{cost['peak_mb']:.0f}",
         f"{100 * found['evaluation']['nrms']:.2f}",
+        f"{found['evaluation']['psnr_l']:.1f}",
         *(f"{seconds.get(name, 0):.0f}" for name in names),
     ]
 
@@ -56,7 +59,20 @@ def stage_seconds(summary: dict[str, Any]) -> dict[str, float]:
 
 
 def head(names: list[str]) -> list[str]:
-    return ["object", "shape", "k", "n, N (true)", "paper", "wall", "cpu", "MB", "NRMS", *names]
+    return [
+        "object",
+        "shape",
+        "pixels",
+        "k",
+        "n, N (true)",
+        "paper",
+        "wall",
+        "cpu",
+        "MB",
+        "NRMS",
+        "PSNR-L",
+        *names,
+    ]
 
 
 def stage_names(rows: list[dict[str, Any]]) -> list[str]:
@@ -70,23 +86,23 @@ def main() -> None:
     )
     parser.add_argument("--rows", nargs="+", choices=scenes.ROWS, default=list(scenes.ROWS))
     parser.add_argument("--resolution", type=int, default=1024, help="side of the atlas, in texels")
-    parser.add_argument("--size", type=int, default=1024, help="pixels along an image's side")
+    parser.add_argument("--size", type=int, help="pixels along an image's side; by default the row's own")
     parser.add_argument("--json", type=Path)
     args = parser.parse_args()
     done = []
     for name in args.rows:
-        key = f"{name}-{args.resolution}-{args.size}"
-        work = shared.BENCH / "table1" / key
         row = scenes.ROWS[name]
+        size = args.size or row.size
+        work = shared.BENCH / "table1" / f"{name}-{args.resolution}-{size}"
         done.append(
             shared.kept(
                 work.with_suffix(".json"),
-                lambda row=row, work=work: measure(row, args.resolution, args.size, work),
+                lambda row=row, size=size, work=work: measure(row, args.resolution, size, work),
             )
         )
     names = stage_names(done)
     print(results.table(head(names), [cells(found, names) for found in done]))
-    shared.write(args.json, {"resolution": args.resolution, "size": args.size, "rows": done})
+    shared.write(args.json, {"resolution": args.resolution, "rows": done})
 
 
 if __name__ == "__main__":

@@ -102,7 +102,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # Older typers raise on Ctrl-C, newer ones return the code themselves.
     if code == INTERRUPTED:
         stderr().print(
-            "interrupted; nothing was half-written, and the same command goes on from what is finished",
+            "interrupted; nothing was half-written (reconstruct goes on from what it has finished)",
             style="yellow",
         )
     return code

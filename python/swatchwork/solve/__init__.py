@@ -11,7 +11,7 @@ from __future__ import annotations
 from .alternation import Alternation, alternate
 from .blending import Blend, Search, SparseBlend, blend, sparse_blend
 from .options import SolveOptions
-from .penalties import Penalties, huber
+from .penalties import Penalties
 from .problem import Problem
 from .search import resume, solve
 from .solution import Solution, Step
@@ -28,7 +28,6 @@ __all__ = [
     "Step",
     "alternate",
     "blend",
-    "huber",
     "resume",
     "solve",
     "sparse_blend",

@@ -37,10 +37,10 @@ HOPELESS = 1.3
 """An objective this many times the best is not improved upon by shrinking further."""
 NEAR_PERFECT = 100 * PERFECT
 
-EXPECTED_GROWTH = 4
-"""As for a solution that is gone on from."""
 EXPECTED_MODELS = 48
 """Models that a search with n up to 3 settles, about: the scale of its progress bar."""
+EXPECTED_GROWTH = 4
+"""As for a solution that is gone on from."""
 
 Table = dict[tuple[int, int], Alternation]
 """The best model found for each (n, N)."""
@@ -53,7 +53,7 @@ def solve(problem: Problem, options: SolveOptions | None = None, progress: Progr
         The best model found, the penalties it was judged by, and every (n, N) looked at.
     """
     options = options or SolveOptions()
-    penalties = Penalties(_freedom(problem), options.lambda0, options.lambda1)
+    penalties = penalties_of(problem, options)
     with progress.stage("solve", EXPECTED_MODELS) as task:
         run = Run(problem, options, penalties, task, EXPECTED_MODELS)
         n, model = paper_order(run) if options.search_order == "paper" else _explore_and_refine(run)
@@ -70,8 +70,7 @@ def resume(
     solution cannot say here is no noise.
     """
     options = options or SolveOptions()
-    known = solution.noise**2
-    penalties = Penalties(_freedom(problem), options.lambda0, options.lambda1, known)
+    penalties = penalties_of(problem, options, solution)
     with progress.stage("solve", EXPECTED_GROWTH) as task:
         run = Run(problem, options, penalties, task, EXPECTED_GROWTH, list(solution.history))
         nowhere = np.zeros((0, solution.N))
@@ -81,8 +80,11 @@ def resume(
     return _solution(run, solution.n, model)
 
 
-def _freedom(problem: Problem) -> float:
-    return float(np.mean(1 / problem.measurements))
+def penalties_of(problem: Problem, options: SolveOptions, solution: Solution | None = None) -> Penalties:
+    """Penalties for a problem, with the noise that a solution has found, if there is one."""
+    freedom = float(np.mean(1 / problem.measurements))
+    variance = np.inf if solution is None else solution.noise**2
+    return Penalties(freedom, options.lambda0, options.lambda1, variance)
 
 
 def _solution(run: Run, n: int, model: Alternation) -> Solution:

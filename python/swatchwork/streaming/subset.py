@@ -21,7 +21,7 @@ from ..keeping import IN_MEMORY, Keeper
 from ..observe import Rendering, stratified
 from ..progress import SILENT, Progress
 from ..reflectance import GenericBasis
-from ..solve import Problem, Solution, SolveOptions, huber, resume, solve, sparse_blend
+from ..solve import Penalties, Problem, Solution, SolveOptions, resume, solve, sparse_blend
 from .budget import Budget
 
 SURVEYED = 5
@@ -77,6 +77,8 @@ def solve_on_subset(
     solution = Solution.of(keeper.kept("solve", lambda: first().arrays()))
     # Section 4's order is that of all its texels together: nothing is grown on afterwards.
     for turn in range(1, ROUNDS + 1 if options.search_order == "default" else 1):
+        if len(subset.texels) == len(rendering.observations.seen):
+            break
         with progress.stage("survey"):
             larger = _surveyed(rendering, basis, subset, solution, texels, options, budget, turn)
         if larger is None:
@@ -135,10 +137,12 @@ def _surveyed(
         error[done : done + len(tile)] = rendering.relative_error(pairs, found.squared_error) ** 2
         done += len(tile)
     bar, was = POOR**2 * solution.data, solution.relative_error
+    penalties = Penalties(0.0, options.lambda0, options.lambda1, solution.noise**2)
 
     def excess(error: F64, share: F64) -> float:
-        counted = huber(error, solution.noise**2)
-        return float((share * np.maximum(counted - solution.data, 0))[error > bar].sum() / share.sum())
+        counted = penalties.counted(error)
+        mean = float((share * counted).sum() / share.sum())
+        return float((share * np.maximum(counted - mean, 0))[error > bar].sum() / share.sum())
 
     missed = excess(error, np.ones(len(survey))) - excess(was, subset.share)
     if missed < solution.lambda1:

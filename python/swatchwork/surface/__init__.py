@@ -3,7 +3,7 @@
 """Surface: meshes, their atlas of texels, and what sees what."""
 
 from swatchwork.surface.atlas import Atlas, build_atlas, default_resolution, padded
-from swatchwork.surface.files import read_mesh
+from swatchwork.surface.files import buffers_of, read_mesh
 from swatchwork.surface.mesh import Mesh, mesh_from_arrays, write_mesh_obj
 from swatchwork.surface.rays import GRAZING, Hit, RayScene, each_of, sees
 from swatchwork.surface.sky import SkyMasks, sky_masks, turned
@@ -16,6 +16,7 @@ __all__ = [
     "Mesh",
     "RayScene",
     "SkyMasks",
+    "buffers_of",
     "build_atlas",
     "default_resolution",
     "each_of",

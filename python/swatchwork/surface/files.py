@@ -4,10 +4,12 @@
 
 from __future__ import annotations
 
+import json
 import logging
 from os import PathLike
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 import numpy as np
 
@@ -50,6 +52,18 @@ def read_mesh(path: str | PathLike[str]) -> Mesh:
         whole = all(part[name] is not None for part in parts)
         joined[name] = np.concatenate([part[name] for part in parts]) if whole else None
     return mesh_from_arrays(**joined, file=path)
+
+
+def buffers_of(path: Path) -> list[Path]:
+    """The files beside a .gltf that hold its numbers; none for other formats, or where it cannot be read."""
+    if path.suffix.lower() != ".gltf":
+        return []
+    try:
+        named = [buffer.get("uri", "data:") for buffer in json.loads(path.read_text("utf-8"))["buffers"]]
+        found = [path.parent / unquote(uri) for uri in named if not uri.startswith("data:")]
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return []
+    return [file for file in found if file.is_file()]
 
 
 def _load(path: Path) -> list[tuple[Any, Any]]:

@@ -52,7 +52,8 @@ def sky_masks(scene: RayScene, atlas: Atlas, samples: int = SAMPLES, progress: P
 
     Samples lie evenly over the surface; a texel takes the mask of the one nearest in position and normal.
     Below a sample's horizon, where a member tilted against it may still look, the mask continues what is seen
-    at the horizon. ``samples`` >= M traces every texel. Masks that hide nothing are not kept, so a convex
+    at the horizon. Samples are traced in levels, coarse to fine: a cell in which all of a sample's neighbours
+    of the levels before agree is taken from them. Masks that hide nothing are not kept, so a convex
     object without occluders has none.
     """
     chosen = _spread_samples(atlas, samples)
@@ -158,7 +159,7 @@ def _hidden(scene: RayScene, atlas: Atlas, texel: I64, cells: F32, asked: U64) -
 
 def _unpacked(words: U64) -> Bool:
     """U64[T, 64] to Bool[T, 4096]."""
-    octets = np.ascontiguousarray(words).astype("<u8").view(np.uint8).reshape(len(words), -1)
+    octets = np.ascontiguousarray(words).astype("<u8").view(np.uint8).reshape(len(words), SIZE * SIZE // 8)
     return np.unpackbits(octets, axis=1, bitorder="little").astype(bool)
 
 
@@ -172,4 +173,9 @@ def turned(words: U64, rotation: F64) -> U64:
     """Masks [Q, 64] as seen in a frame that ``rotation`` F64[3, 3] takes to the world (nearest cells)."""
     square = square_from_direction(pixel_directions(SIZE).reshape(-1, 3) @ np.asarray(rotation).T)
     column, row = np.minimum((square * SIZE).astype(np.int64), SIZE - 1).T
-    return _packed(_unpacked(words)[:, row * SIZE + column])
+    found = np.empty_like(words)
+    # A bit takes a byte on the way.
+    for first in range(0, len(words), 1024):
+        part = slice(first, first + 1024)
+        found[part] = _packed(_unpacked(words[part])[:, row * SIZE + column])
+    return found

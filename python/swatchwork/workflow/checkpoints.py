@@ -79,8 +79,8 @@ class Checkpoints:
         except OSError as error:
             shutil.rmtree(fresh, ignore_errors=True)
             raise OutputError(
-                f"{self.folder}: cannot be written ({error.strerror or error}); what was finished is kept "
-                "there, and the same command goes on from it"
+                f"{self.folder}: cannot be written ({error.strerror or error}); parts that were finished are "
+                "kept there, and the same command goes on from them"
             ) from error
         return _OnDisk(part)
 
@@ -107,13 +107,13 @@ def checkpoints(output: str | PathLike[str], key: Mapping[str, Any]) -> Iterator
             yield Checkpoints(folder)
         except InputError:
             # Input put right is other input: nothing could go on from here.
-            shutil.rmtree(folder, ignore_errors=True)
+            _remove(folder)
             raise
         except BaseException:
             if not any(path.is_dir() for path in folder.iterdir()):
-                shutil.rmtree(folder, ignore_errors=True)
+                _remove(folder)
             raise
-        shutil.rmtree(folder, ignore_errors=True)
+        _remove(folder)
 
 
 @contextmanager
@@ -169,6 +169,14 @@ def _write(file: Path, text: str) -> None:
         os.fsync(stream.fileno())
     fresh.replace(file)
     _sync(file.parent)
+
+
+def _remove(folder: Path) -> None:
+    """Remove all of it, as far as that goes; killed on the way, it leaves what a later run clears away."""
+    with suppress(OSError):
+        _clear(folder)
+        (folder / LOCK).unlink()
+        folder.rmdir()
 
 
 def _clear(folder: Path) -> None:

@@ -25,7 +25,7 @@ from ..progress import SILENT, Progress
 from ..reconstruct import Reconstruction, ReconstructOptions, reconstruct
 from ..report import Report, write_report
 from ..response import instruction_sets
-from ..surface import padded
+from ..surface import buffers_of, padded
 from .checkpoints import checkpoints
 from .costs import CostRecorder, StageCost
 from .pages import reconstruction_report
@@ -240,6 +240,7 @@ def key_of(prints: dict[str, str], options: ReconstructOptions) -> dict[str, Any
         "version": version("swatchwork"),
         "code": _digest_of_the_package(),
         "kernels": instruction_sets()[-1],
+        "threads": os.environ.get("RAYON_NUM_THREADS") or os.cpu_count(),
         "inputs": prints,
         "options": asdict(options),
     }
@@ -261,6 +262,7 @@ def fingerprints(capture: Capture) -> dict[str, str]:
         e.file for e in (capture.environment, *(f.environment for f in capture.frames)) if e is not None
     ]
     files += [p for f in capture.frames for p in (f.image_path, f.mask_path)]
+    files += [p for mesh in (capture.mesh_path, *capture.occluder_paths) if mesh for p in buffers_of(mesh)]
     found: dict[str, str] = {}
     for file in files:
         if file is not None:
