@@ -58,11 +58,13 @@ def rows(found: dict[str, Any]) -> list[list[str]]:
 def ratios(found: dict[str, Any]) -> tuple[float, float]:
     """Ours over the peer's converged one: NRMS, and time."""
     best = min(found["peer"]["curve"], key=lambda point: point["nrms"])
-    # The first time within the tolerance of its best is when it had converged.
-    arrived = next(point for point in found["peer"]["curve"] if point["nrms"] <= 1.01 * best["nrms"])
+    # It converged somewhere before the first checkpoint within the tolerance of its best, and after the one
+    # before: that one bounds the ratio from above.
+    curve = found["peer"]["curve"]
+    arrived = next(i for i, point in enumerate(curve) if point["nrms"] <= 1.01 * best["nrms"])
     return (
         found["ours"]["evaluation"]["nrms"] / best["nrms"],
-        found["ours"]["cost"]["wall_s"] / arrived["seconds"],
+        found["ours"]["cost"]["wall_s"] / curve[max(arrived - 1, 0)]["seconds"],
     )
 
 

@@ -207,7 +207,7 @@ def peer_section(figures: Figures) -> str:
 The peer is Mitsuba {versions}: textures of a `principled` BSDF by Adam (scripts/bench/peer.py; {schedule}),
 with the same mesh, cameras and light, one after the other. NRMS is of the novel light in test/, in %. The
 peer is scored at our time, at five times it, then at doublings; it has converged when a doubling gains less
-than 1 %. Its time in the ratio is the first within 1 % of its best.
+than 1 %. Its time in the ratio is the last checkpoint that was not yet within 1 % of its best.
 
 {verdicts(found)}
 

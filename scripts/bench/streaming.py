@@ -45,6 +45,7 @@ def one(capture: Path, material: Path, resolution: int, every: bool) -> None:
 def measure(capture: Path, resolution: int, every: bool, work: Path) -> dict[str, Any]:
     command = [sys.executable, __file__, "--one", str(capture), "--material", str(work / "material")]
     command += ["--resolution", str(resolution), *(["--every"] if every else [])]
+    shared.begin_anew(work / "material")
     commit = results.commit()
     summary, cost = shared.run(command)
     evaluation = shared.novel_light(work / "material", capture / "test", work / "renders")

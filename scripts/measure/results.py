@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shlex
 import subprocess
 import sys
@@ -36,7 +37,12 @@ def command() -> str:
     """The command line that runs, as one would type it in the checkout."""
     script = Path(sys.argv[0]).resolve()
     name = script.relative_to(ROOT).as_posix() if script.is_relative_to(ROOT) else str(script)
-    return shlex.join(["python", name, *sys.argv[1:]])
+    return shlex.join(["python", name, *map(as_seen_from_root, sys.argv[1:])])
+
+
+def as_seen_from_root(word: str) -> str:
+    """A word of a command line; an absolute path becomes one from the checkout."""
+    return os.path.relpath(word, ROOT) if os.path.isabs(word) else word
 
 
 def write(path: Path | None, figures: dict[str, Any]) -> None:
