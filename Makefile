@@ -65,6 +65,7 @@ bench: setup ## measure speed, memory and error (hours); write docs/benchmarks.m
 	$(BIN)/python scripts/bench/scaling.py --json $(BENCH)/scaling.json
 	$(BIN)/python scripts/bench/streaming.py --captures $(CAPTURES) --json $(BENCH)/streaming.json
 	$(BIN)/python scripts/bench/beside_peer.py --captures $(CAPTURES) --json $(BENCH)/peer.json
+	$(BIN)/python scripts/bench/resume.py --json $(BENCH)/resume.json
 	$(BIN)/python scripts/bench/page.py --figures $(BENCH) --page docs/benchmarks.md
 
 # Finished capture runs are kept in $(FIGURES)/runs; `rm -r $(FIGURES)` to begin anew.
@@ -72,6 +73,7 @@ validate: setup ## measure exactness, synthetic blends, captures (hours); write 
 	$(BIN)/python scripts/measure/exactness.py --captures $(CAPTURES) --json $(FIGURES)/exactness.json
 	$(BIN)/python scripts/measure/two_of_four.py --data $(DATA) --json $(FIGURES)/two_of_four.json
 	$(BIN)/python scripts/measure/two_of_four.py --data $(DATA) --search-order paper --seeds 1 --only 0 3 --json $(FIGURES)/two_of_four-paper-order.json
+	$(BIN)/python scripts/measure/shadows.py --captures $(CAPTURES) --json $(FIGURES)/shadows.json
 	$(BIN)/python scripts/measure/captures.py --captures $(CAPTURES) --json $(FIGURES)/captures.json
 	$(BIN)/python scripts/measure/page.py --figures $(FIGURES) --page docs/validation.md
 

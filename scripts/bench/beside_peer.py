@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,12 @@ from shared import results
 
 NAMES = ("sphere-merl", "igea-merl")
 PEER = shared.HERE / "peer.py"
+
+
+def missing() -> str | None:
+    """What the peer lacks on this machine, if anything; said before hours of work."""
+    asked = subprocess.run([sys.executable, str(PEER), "--help"], capture_output=True, text=True, check=False)
+    return None if asked.returncode == 0 else asked.stderr.strip()
 
 
 def measure(capture: Path, most: float, work: Path) -> dict[str, Any]:
@@ -80,10 +87,14 @@ def main() -> None:
     parser.add_argument("--json", type=Path)
     args = parser.parse_args()
     done = []
+    lacks = missing()
     for name in args.only:
         capture, work = (args.captures / name).resolve(), shared.BENCH / "peer" / name
         if not (capture / "transforms.json").exists() and not work.with_suffix(".json").exists():
             print(f"skipped: there is no capture {args.captures / name}")
+            continue
+        if lacks and not work.with_suffix(".json").exists():
+            print(f"skipped: {lacks}")
             continue
         done.append(
             shared.kept(

@@ -15,8 +15,8 @@ blend    exact blends with the n, N and k of Table 1's rows, in texels a second;
 hard     the same at n=5, N=18, ten views or so a texel, --texels texels in all: seconds
 
 Blends: texels of a sphere seen by random views; GGX truth with a Smith masking and 1 % noise, representatives
-of Beckmann lobes, so that no blend fits exactly. Each part is the best of --repeats and stays in
-target/bench/stages; delete a file to repeat it.
+of Beckmann lobes, so that no blend fits exactly. Rates are the best of --repeats, but `blend` and `hard` run
+once. Finished parts stay in target/bench/stages; delete a file to repeat it.
 """
 
 from __future__ import annotations
