@@ -27,8 +27,6 @@ import table1
 from shared import results
 
 Figures = dict[str, Any]
-Verdict = tuple[str, float, float, str]
-"""What is bounded, the figure, its bound, and the unit."""
 
 MINUTES = {"Mouse": 5.0, "Pig": 8.0}
 """Wall time at most, on 2 cores, at 1024 x 1024."""
@@ -51,16 +49,6 @@ FULL = 1024
 """Side of the atlas that the bounds of Table 1's rows are for."""
 
 
-def verdicts(found: list[Verdict]) -> str:
-    """A table of bounds: met, or missed."""
-    rows = []
-    for what, value, bound, unit in found:
-        shown, limit = (100 * value, 100 * bound) if unit == "%" else (value, bound)
-        met = math.isfinite(value) and value <= bound
-        rows.append([what, f"{shown:.3g} {unit}", f"{limit:.3g} {unit}", "met" if met else "**missed**"])
-    return results.table(["bound", "found", "at most", ""], rows, markdown=True)
-
-
 def source(figures: Figures, parts: list[Figures]) -> str:
     """Command, commits of the measured parts, date, machine."""
     commits = ", ".join(dict.fromkeys(part["commit"] for part in parts)) or figures["commit"]
@@ -81,7 +69,7 @@ def commands(parts: list[Figures]) -> str:
 def table1_section(figures: Figures) -> str:
     rows = figures["rows"]
     names = table1.stage_names(rows)
-    found: list[Verdict] = []
+    found: list[results.Verdict] = []
     for row in rows:
         name, cost = row["row"]["name"], row["cost"]
         if name in MINUTES and figures["resolution"] == FULL and figures["machine"]["cores"] <= CORES:
@@ -90,7 +78,9 @@ def table1_section(figures: Figures) -> str:
             found.append(("Mouse, peak memory", cost["peak_mb"] / 1000, MOUSE_GB, "GB"))
     paper = [row["row"]["paper_minutes"] * 60 / row["cost"]["wall_s"] for row in rows]
     mean = math.exp(sum(map(math.log, paper)) / len(paper))
-    bounds = verdicts(found) if found else f"The bounds are for a {FULL} x {FULL} atlas on {CORES} cores."
+    bounds = (
+        results.verdicts(found) if found else f"The bounds are for a {FULL} x {FULL} atlas on {CORES} cores."
+    )
     return f"""## Table 1 of the paper
 
 {source(figures, rows)}
@@ -114,7 +104,7 @@ NRMS; PSNR-L, which clips at white, tells of the rest. The paper's minutes over 
 
 def scaling_section(figures: Figures) -> str:
     series = figures["series"]
-    found: list[Verdict] = []
+    found: list[results.Verdict] = []
     if "M" in series:
         slope = scaling.slopes("M", series["M"])
         found.append(("slope of cpu time over M", slope["cpu"][0], SLOPE, ""))
@@ -134,7 +124,7 @@ atlas is of {scaling.RESOLUTION} x {scaling.RESOLUTION} texels, but for M. Secon
 *MB* is peak memory. The last two rows are log-log slopes, of all points by least squares and between the two
 largest.
 
-{verdicts(found) if found else ""}
+{results.verdicts(found) if found else ""}
 
 {(chr(10) * 2).join(tables)}
 
@@ -144,7 +134,7 @@ largest.
 
 def stages_section(figures: Figures) -> str:
     parts = figures["parts"]
-    found: list[Verdict] = []
+    found: list[results.Verdict] = []
     hard = parts.get("hard")
     if hard:
         found.append(
@@ -181,7 +171,7 @@ and can pass that limit (see scripts/bench/stages.py).
 
 Exact blends; representatives outside the truth, 1 % noise{views}.
 
-{verdicts(found) if found else ""}
+{results.verdicts(found) if found else ""}
 
 {results.table(stages.BLEND_HEAD, stages.blend_rows(parts), markdown=True)}
 
@@ -195,7 +185,7 @@ def peer_section(figures: Figures) -> str:
     captures = figures["captures"]
     if not captures:
         return "## Beside Mitsuba 3\n\nSkipped: no captures were there (`make bench CAPTURES=...`).\n"
-    found: list[Verdict] = []
+    found: list[results.Verdict] = []
     for capture in captures:
         of_error, of_time = beside_peer.ratios(capture)
         converged = "" if capture["peer"]["converged"] else " (not converged)"
@@ -214,7 +204,7 @@ with the same mesh, cameras and light, one after the other. NRMS is of the novel
 peer is scored at our time, at five times it, then at doublings; it has converged when a doubling gains less
 than 1 %. Its time in the ratio is the last checkpoint that was not yet within 1 % of its best.
 
-{verdicts(found)}
+{results.verdicts(found)}
 
 {results.table(beside_peer.HEAD, rows, markdown=True)}
 
@@ -223,7 +213,7 @@ than 1 %. Its time in the ratio is the last checkpoint that was not yet within 1
 
 
 def streaming_section(figures: Figures) -> str:
-    found: list[Verdict] = []
+    found: list[results.Verdict] = []
     for subset, every in streaming.pairs(figures["runs"]):
         a, b = (run["evaluation"]["nrms"] for run in (subset, every))
         other = sum(subset["summary"][letter] != every["summary"][letter] for letter in ("n", "N"))
@@ -237,7 +227,7 @@ def streaming_section(figures: Figures) -> str:
 Atlas of {figures["resolution"]} x {figures["resolution"]}. *subset* is the default; *every* searches n
 and N on all texels throughout.
 
-{verdicts(found)}
+{results.verdicts(found)}
 
 {results.table(streaming.HEAD, rows, markdown=True)}
 """
@@ -253,7 +243,7 @@ def resume_section(figures: Figures) -> str:
 An undisturbed run took {figures["undisturbed"]["cost"]["wall_s"]:.1f} s. Each killed one goes on by the same
 command; every file is compared but the report, which tells the time.
 
-{verdicts([(f"of {len(kills)} runs, how many end with another material", differ, 0, "")])}
+{results.verdicts([(f"of {len(kills)} runs, how many end with another material", differ, 0, "")])}
 
 {results.table(resume.HEAD, resume.rows(figures), markdown=True)}
 """

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +24,6 @@ import two_of_four
 from swatchwork.surface import sky
 
 Figures = dict[str, Any]
-Verdict = tuple[str, float, float, str]
-"""What is bounded, the figure, its bound, and the unit."""
 
 IGEA_PEER = 0.239
 """Novel-light NRMS of the peer on igea-merl at k=12, from that capture's README."""
@@ -51,17 +48,6 @@ def source(figures: Figures) -> str:
     return f"`{figures['command']}`, commit {figures['commit']}, {figures['date']}."
 
 
-def as_verdicts(verdicts: list[Verdict]) -> str:
-    """A table of bounds: met, or missed."""
-    rows = []
-    for what, value, bound, unit in verdicts:
-        shown, limit = (100 * value, 100 * bound) if unit == "%" else (value, bound)
-        met = math.isfinite(value) and value <= bound
-        rows.append([what, f"{shown:.3g} {unit}", f"{limit:.3g} {unit}", "met" if met else "**missed**"])
-    return results.table(["bound", "found", "at most", ""], rows, markdown=True)
-
-
-# ---- sections ------------------------------------------------------------------------------------
 def exactness_section(figures: Figures) -> str:
     families = [exactness.Family(**family) for family in figures["blend"]]
     fits = figures["representatives"]
@@ -92,13 +78,13 @@ The representative step against Lawson-Hanson NNLS on the stacked rows (and boun
 N = 1): {len(fits)} problems, N up to {largest}, 0 to 3 % noise; worst relative difference of the
 objective {worst_fit:.1e}.
 
-{as_verdicts(verdicts)}
+{results.verdicts(verdicts)}
 """
 
 
 def two_of_four_section(figures: Figures, title: str) -> str:
     runs = [two_of_four.Run(**run) for run in figures["runs"]]
-    verdicts: list[Verdict] = []
+    verdicts: list[results.Verdict] = []
     for name, bound in SYNTHETIC_BOUNDS.items():
         of = [run for run in runs if run.case == name]
         if of:
@@ -122,7 +108,7 @@ A sphere of {figures["texels"]} points, {figures["basis"]} basis, light (capture
 search order: {figures["search_order"]}, automatic penalties. NRMS is of the novel light in views that were
 not measured; the floor has the true weights.
 
-{as_verdicts(verdicts)}
+{results.verdicts(verdicts)}
 
 Runs above the bound, or with another n or N:
 
@@ -134,14 +120,14 @@ Every run:
 """
 
 
-def capture_verdicts(runs: list[Figures]) -> list[Verdict]:
+def capture_verdicts(runs: list[Figures]) -> list[results.Verdict]:
     """The issue's bounds, each for the basis that does better there."""
 
     def best(name: str, views: int) -> Figures | None:
         of = [run for run in runs if (run["capture"], run["views"]) == (name, views)]
         return min(of, key=lambda run: run["evaluation"]["nrms"]) if of else None
 
-    verdicts: list[Verdict] = []
+    verdicts: list[results.Verdict] = []
     for name, views, bound in (("sphere-merl", 12, 0.085), ("sphere-merl", 6, 0.11)):
         if (run := best(name, views)) is not None:
             verdicts.append((f"{name}, k={views} ({run['basis']})", run["evaluation"]["nrms"], bound, "%"))
@@ -178,7 +164,7 @@ of the squared error there. *unseen, share*: texels that no photograph shows, an
 them. *shut in, share*: test pixels from which the object hides more than {limit:.0f} % of the hemisphere,
 and the part of the error there.
 
-{as_verdicts(capture_verdicts(runs))}
+{results.verdicts(capture_verdicts(runs))}
 
 {results.table(captures.HEAD, rows, markdown=True)}
 

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import shlex
 import subprocess
@@ -13,6 +14,9 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
+
+Verdict = tuple[str, float, float, str]
+"""What is bounded, the figure, its bound, and the unit."""
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -68,3 +72,13 @@ def table(head: Sequence[str], rows: Sequence[Sequence[Any]], *, markdown: bool 
         rule = ["-" * w if i == 0 else "-" * (w - 1) + ":" for i, w in enumerate(width)]
         lines.insert(1, "| " + " | ".join(rule) + " |")
     return "\n".join(lines)
+
+
+def verdicts(found: Sequence[Verdict]) -> str:
+    """A table of bounds: met, or missed."""
+    rows = []
+    for what, value, bound, unit in found:
+        shown, limit = (100 * value, 100 * bound) if unit == "%" else (value, bound)
+        met = math.isfinite(value) and value <= bound
+        rows.append([what, f"{shown:.3g} {unit}", f"{limit:.3g} {unit}", "met" if met else "**missed**"])
+    return table(["bound", "found", "at most", ""], rows, markdown=True)

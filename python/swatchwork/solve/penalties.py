@@ -37,16 +37,15 @@ representatives soaks it up however many the views. By measurement, twelve views
 materials, a third weight gains 0.6 to 1.1 v (and costs 1.5 to 2.5 points of novel-light NRMS), the second 28
 to 31 v."""
 
-CHOICE = 10.0
-SHARE = 1.2
-"""A further representative has to take CHOICE / K + SHARE times v off: with few measurements a texel fits
-noise by choosing. On the same captures the fifth of four takes 0.6 to 0.8 (and costs 0.3 points of NRMS), the
-fourth 9; interreflections make it 1.4, where the third takes 33. With GGX materials in the paper's basis,
-noise-free, a false one takes up to 1.2 at k = 6 and 3.2 at k = 3, a true one over 100."""
+SHARE = 1.5
+"""A further representative has to take this many times v off. On the same captures the fifth of four takes
+0.6 to 0.8 (and costs 0.3 points of NRMS), the fourth 9; interreflections make it 1.4, where the third takes
+33. Two-of-four blends with 3 % noise gain over 2 for a true one, 0.04 for a false."""
 
 LAMBDA0_FLOOR = 0.005**2
-LAMBDA1_FLOOR = 0.002**2
-"""The penalties that serve noise-free captures (design section 3; inside the paper's ranges)."""
+LAMBDA1_FLOOR = 0.005**2
+"""The penalties that serve noise-free captures (inside the paper's ranges). With GGX materials in the paper's
+basis, noise-free, a false representative takes up to 2.2e-5, a true one over 1e-3."""
 
 
 def freedoms(n: int, N: int) -> float:
@@ -105,7 +104,7 @@ class Penalties:
     def lambda1(self) -> float:
         if self.fixed1 is not None:
             return self.fixed1
-        return max(LAMBDA1_FLOOR, (CHOICE * self.freedom + SHARE) * self._known)
+        return max(LAMBDA1_FLOOR, SHARE * self._known)
 
     @property
     def _known(self) -> float:
