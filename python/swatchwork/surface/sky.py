@@ -19,9 +19,10 @@ from swatchwork.surface.atlas import Atlas
 from swatchwork.surface.rays import RayScene, each_of
 
 SIZE = 64
-# Sharing's error in irradiance under the capture's own light, NRMS of the 95 % of texels nearest the truth, and
-# CPU seconds (scripts/measure/shadows.py): igea-merl, 8,000 samples, 0.59 % (2.2 s), 64,000, 0.22 % (11 s); spot
-# 0.51 % (1.7 s), 0.15 % (7 s). No masks at all: 3.0 % and 10.5 %. The other 5 % lie at contacts and creases.
+# Sharing's error in irradiance under the capture's own light, NRMS of the 95 % of texels nearest the truth,
+# and CPU seconds (scripts/measure/shadows.py): igea-merl 0.59 % (2.2 s) with 8,000 samples, 0.22 % (11 s)
+# with 64,000; spot 0.51 % (1.7 s) and 0.15 % (7 s). No masks at all: 3.0 and 10.5 %. The other 5 % of texels
+# lie at contacts and creases.
 SAMPLES = 64_000
 # Samples of the first level are traced in every cell; each further level has this many times as many, and is
 # traced only where its neighbours of the levels before disagree.
