@@ -70,6 +70,7 @@ bench: setup ## measure speed, memory and error (hours); write docs/benchmarks.m
 
 # Finished capture runs are kept in $(FIGURES)/runs; `rm -r $(FIGURES)` to begin anew.
 validate: setup ## measure exactness, synthetic blends, captures (hours); write docs/validation.md
+	$(BIN)/python scripts/measure/forward_model.py --data $(DATA)/envmaps/latlong --cache $(FIGURES)/forward --json $(FIGURES)/forward_model.json
 	$(BIN)/python scripts/measure/exactness.py --captures $(CAPTURES) --json $(FIGURES)/exactness.json
 	$(BIN)/python scripts/measure/two_of_four.py --data $(DATA) --json $(FIGURES)/two_of_four.json
 	$(BIN)/python scripts/measure/two_of_four.py --data $(DATA) --search-order paper --seeds 1 --only 0 3 --json $(FIGURES)/two_of_four-paper-order.json

@@ -70,6 +70,12 @@ class SolverProblem:
     def representatives(
         self, weights: npt.NDArray[np.float64], start: npt.NDArray[np.float64]
     ) -> tuple[npt.NDArray[np.float64], float, bool]: ...
+    def joint_step(
+        self,
+        weights: npt.NDArray[np.float64],
+        representatives: npt.NDArray[np.float64],
+        damping: float,
+    ) -> npt.NDArray[np.float64]: ...
     def normal_equations(
         self, weights: npt.NDArray[np.float64], channel: int
     ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], float]: ...

@@ -4,7 +4,7 @@
 
     python scripts/measure/page.py --figures target/validation --page docs/validation.md
 
-Reads exactness.json, two_of_four*.json, shadows.json and captures.json, whichever are there. Every verdict is
+Reads forward_model.json, exactness.json, two_of_four*.json, shadows.json and captures.json, whichever are there. Every verdict is
 computed from them against the bounds below; the page names the command and the commit of each figure.
 """
 
@@ -190,8 +190,40 @@ megabytes of masks. {sky.SAMPLES:,} are the default.
 """
 
 
+def forward_section(figures: Figures) -> str:
+    names = ("sigma below 0.1", "sigma from 0.1 up", "diffuse")
+    rows = [
+        [name, *(f"{100 * v:.2f}" for v in values)]
+        for name, values in (
+            *figures["worst"].items(),
+            *((f"all, seed {seed} alone", values) for seed, values in figures["seeds"].items()),
+        )
+    ]
+    sharp, broad, diffuse = (max(v[k] for v in figures["worst"].values()) for k in range(3))
+    verdicts = [
+        ("worst kernel and probe, sigma below 0.1", sharp, 0.007, "%"),
+        ("worst kernel and probe, all", max(sharp, broad, diffuse), 0.015, "%"),
+    ]
+    count = len(figures["seeds"])
+    return f"""## Forward model
+
+{source(figures)}
+
+Responses of every kernel against brute-force quadrature over the probe's own raster, {figures["pairs"]} random
+pairs of normal and viewer with n.o above 0.1, each kernel by itself: NRMS in % of the worst kernel. A pair costs
+{figures["lookups"]} environment lookups, and up to {max(figures["lights"])} point lights. A few grazing views of
+a bright spot hold most of a kernel's energy: one seed of the {count} is too few to judge by.
+
+{results.verdicts(verdicts)}
+
+{results.table(["probe", *names], rows, markdown=True)}
+"""
+
+
 def page(folder: Path) -> str:
     sections = []
+    if (figures := read(folder, "forward_model")) is not None:
+        sections.append(forward_section(figures))
     if (figures := read(folder, "exactness")) is not None:
         sections.append(exactness_section(figures))
     for name, title in (

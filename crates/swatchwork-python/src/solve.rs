@@ -12,6 +12,7 @@ use swatchwork_core::solve::blend::{
     Search, Texels, blend as blend_texels, blend_slots as blend_texel_slots,
 };
 use swatchwork_core::solve::hull::MOST;
+use swatchwork_core::solve::joint;
 use swatchwork_core::solve::nnls::{Quadratic, Status, Workspace};
 use swatchwork_core::solve::problem::Problem;
 use swatchwork_core::solve::representatives;
@@ -169,6 +170,30 @@ impl SolverProblem {
             py.detach(|| representatives::optimise(&self.inner, values, n, start));
         let out = array3(out, [n, self.inner.kernels, 3]).into_pyarray(py);
         Ok((out, value, status == Status::Converged))
+    }
+
+    /// Representatives [N, J, 3] after a Gauss-Newton step that lets the weights follow.
+    fn joint_step<'py>(
+        &self,
+        py: Python<'py>,
+        weights: PyReadonlyArray2<f64>,
+        representatives: PyReadonlyArray3<f64>,
+        damping: f64,
+    ) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let (values, n) = checked_weights(&weights, self.inner.texels())?;
+        if self.check_representatives(&representatives)? != n {
+            return Err(invalid(format!(
+                "representatives: expected {n} of them, as many as weights"
+            )));
+        }
+        if !(damping >= 0.0 && damping.is_finite()) {
+            return Err(invalid(format!(
+                "damping: {damping}; expected a finite number from 0 up"
+            )));
+        }
+        let start = slice!(representatives, "representatives")?;
+        let out = py.detach(|| joint::joint_step(&self.inner, values, start, damping));
+        Ok(array3(out, [n, self.inner.kernels, 3]).into_pyarray(py))
     }
 
     /// Normal equations of one channel: (H [N J, N J], b [N J], c).

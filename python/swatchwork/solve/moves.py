@@ -19,15 +19,15 @@ from .problem import Problem
 WORST_SHARES = (0.5, 0.2, 0.05)
 """Shares of the texels, worst fitted first, that a new representative is proposed from: a material of a
 large region, of a small one, of a detail."""
-TRIAL = 4
-"""Alternations a proposal gets before it is judged."""
+ROUNDS = ((1, 3), (2, 1))
+"""Alternations that each proposal gets, and how many of the best go on to the next round."""
 CONTENDERS = 2
 """Representatives whose removal is tried."""
 
 
 def start(problem: Problem, n: int, options: SolveOptions) -> Alternation:
     """N = 1: one representative for all texels (section 4, Initialization)."""
-    return _trial(problem, n, np.ones((problem.texels, 1)), None, options, most=1)
+    return _trial(problem, n, np.ones((problem.texels, 1)), None, options, 1)
 
 
 def with_new(
@@ -51,13 +51,13 @@ def with_new(
 def grow(problem: Problem, model: Alternation, n: int, options: SolveOptions) -> Alternation:
     """The best of several ways to add a representative, after a few alternations."""
     error = problem.relative(model.squared_error)
-    trials = []
+    proposals = []
     for share in WORST_SHARES:
         chosen = error >= np.quantile(error, 1.0 - share)
         for shared in (False, True):
             weights, representatives = with_new(problem, model, chosen, shared=shared, n=n, options=options)
-            trials.append(_trial(problem, n, weights, representatives, options))
-    return min(trials, key=lambda trial: trial.data)
+            proposals.append((weights, representatives))
+    return _best(problem, n, proposals, options)
 
 
 def shrink(problem: Problem, model: Alternation, n: int, options: SolveOptions) -> Alternation:
@@ -68,11 +68,21 @@ def shrink(problem: Problem, model: Alternation, n: int, options: SolveOptions) 
         step = _blended(problem, rest, n, options)
         missed.append((problem.mean(step.squared_error), i, step.weights))
     missed.sort(key=lambda entry: entry[:2])
-    trials = [
-        _trial(problem, n, weights, np.delete(model.representatives, i, axis=0), options)
-        for _, i, weights in missed[:CONTENDERS]
+    proposals = [
+        (weights, np.delete(model.representatives, i, axis=0)) for _, i, weights in missed[:CONTENDERS]
     ]
-    return min(trials, key=lambda trial: trial.data)
+    return _best(problem, n, proposals, options)
+
+
+def _best(
+    problem: Problem, n: int, proposals: list[tuple[F64, F64]], options: SolveOptions
+) -> Alternation:
+    """The proposal of weights and representatives that a few alternations take furthest."""
+    for alternations, left in ROUNDS:
+        trials = [_trial(problem, n, *proposal, options, alternations) for proposal in proposals]
+        trials.sort(key=lambda trial: trial.data)
+        proposals = [(trial.weights, trial.representatives) for trial in trials[:left]]
+    return trials[0]
 
 
 def _blended(problem: Problem, representatives: F64, n: int, options: SolveOptions) -> Blend:
@@ -86,7 +96,7 @@ def _trial(
     weights: F64,
     representatives: F64 | None,
     options: SolveOptions,
-    most: int = TRIAL,
+    most: int,
 ) -> Alternation:
     return alternate(
         problem,
@@ -96,4 +106,5 @@ def _trial(
         search=options.search,
         most=most,
         seed=options.seed,
+        joint=options.search_order != "paper",
     )

@@ -87,6 +87,16 @@ class Problem:
             *self._native.representatives(np.ascontiguousarray(weights), np.ascontiguousarray(start))
         )
 
+    def joint_step(self, weights: F64, representatives: F64, damping: float) -> F64:
+        """Representatives [N, J, 3] after a damped Gauss-Newton step that lets the weights [M, N] follow.
+
+        Variable projection (Golub and Pereyra 1973; Kaufman 1975): a change of the representatives counts
+        for what no change of a texel's weights on its support could undo. Kernels not in use stay so.
+        """
+        return self._native.joint_step(
+            np.ascontiguousarray(weights), np.ascontiguousarray(representatives), damping
+        )
+
     def fold(self, representatives: F64) -> F32:
         """Responses [P, N, 3] of representatives [N, J, 3] (Eq. 14)."""
         return self._native.fold(np.ascontiguousarray(representatives))

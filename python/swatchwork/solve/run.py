@@ -54,6 +54,7 @@ class Run:
             tolerance=coarse * options.tolerance,
             most=options.max_alternations,
             seed=options.seed,
+            joint=options.search_order != "paper",
         )
         self.note(settled, n, move)
         return settled

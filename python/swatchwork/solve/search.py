@@ -172,7 +172,20 @@ def _refine(run: Run, table: Table) -> None:
         if options.N is None and run.most_representatives > N and model.data > NEAR_PERFECT:
             beside.append((moves.grow(problem, model, n, options), n, "grow"))
         for start, of, move in beside:
-            _keep(run, table, of, run.settle(start, of, move, FINE))
+            settled = run.settle(start, of, move, FINE)
+            _keep(run, table, of, settled)
+            if move == "hold" and options.N is None:
+                _grow_on(run, table, of, settled)
+
+
+def _grow_on(run: Run, table: Table, n: int, model: Alternation) -> None:
+    """Grow a model for as long as that pays: one held down lacks materials that a further weight feigned."""
+    while run.most_representatives > model.N and model.data > NEAR_PERFECT:
+        larger = run.settle(moves.grow(run.problem, model, n, run.options), n, "grow", FINE)
+        if run.objective(larger, n) >= run.objective(model, n):
+            return
+        _keep(run, table, n, larger)
+        model = larger
 
 
 def _best(run: Run, table: Table) -> tuple[int, int]:

@@ -17,8 +17,9 @@ pub const LAYERS: usize = 3;
 
 /// Radiance, in means of the environment, above which each layer but the first hands light over to
 /// point lights; how many those may be, about; and the largest side of the layer's base. Strong spots
-/// are cut finely, because sharper lobes see them.
-const LAYER: [(f32, usize, usize); LAYERS - 1] = [(20.0, 1024, 512), (3.0, 768, 256)];
+/// are cut finely, because sharper lobes see them, and at grazing views even broad lobes are narrow across
+/// the plane of incidence: with half as many lights their NRMS is 2.9 %, with these 0.8 (1200 pairs).
+const LAYER: [(f32, usize, usize); LAYERS - 1] = [(20.0, 2048, 512), (3.0, 1536, 256)];
 
 /// Why a raster cannot become a pyramid.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -8,6 +8,7 @@ pub mod enumerate;
 pub mod exact;
 mod gram;
 pub mod hull;
+pub mod joint;
 pub mod nnls;
 pub mod problem;
 pub mod representatives;
