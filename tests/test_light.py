@@ -229,8 +229,8 @@ def test_default_base_size() -> None:
 
 def test_pyramid_is_built_once() -> None:
     environment = smooth("blender")
-    assert environment.pyramid().size == 64
-    assert environment.pyramid() is environment.pyramid(64)
+    assert environment.pyramid().size == 128
+    assert environment.pyramid() is environment.pyramid(128)
     assert environment.pyramid(32) is not environment.pyramid()
 
 

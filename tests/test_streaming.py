@@ -87,7 +87,7 @@ def test_a_detail_that_the_subset_missed_joins_it(tmp_path: Path, monkeypatch: p
     monkeypatch.setattr(observations, "_sampled", spotted)
     capture, options = (
         read_capture(tmp_path),
-        ReconstructOptions(64, texels=100, solve=SolveOptions(n=1, max_N=6)),
+        ReconstructOptions(64, texels=100, solve=SolveOptions(n=1, max_N=12)),
     )
     found = reconstruct(capture, options)
     monkeypatch.setattr(subset, "ROUNDS", 0)

@@ -4,8 +4,9 @@
 
     python scripts/measure/page.py --figures target/validation --page docs/validation.md
 
-Reads forward_model.json, exactness.json, two_of_four*.json, shadows.json and captures.json, whichever are there. Every verdict is
-computed from them against the bounds below; the page names the command and the commit of each figure.
+Reads forward_model.json, exactness.json, two_of_four*.json, shadows.json and captures.json, whichever are
+there. Every verdict is computed from them against the bounds below; the page names the command and the commit
+of each figure.
 """
 
 from __future__ import annotations
@@ -209,10 +210,11 @@ def forward_section(figures: Figures) -> str:
 
 {source(figures)}
 
-Responses of every kernel against brute-force quadrature over the probe's own raster, {figures["pairs"]} random
-pairs of normal and viewer with n.o above 0.1, each kernel by itself: NRMS in % of the worst kernel. A pair costs
-{figures["lookups"]} environment lookups, and up to {max(figures["lights"])} point lights. A few grazing views of
-a bright spot hold most of a kernel's energy: one seed of the {count} is too few to judge by.
+Responses of every kernel against brute-force quadrature over the probe's own raster, at
+{figures["pairs"]} random pairs of normal and viewer with n.o above 0.1: NRMS in % of the worst kernel by
+itself. A pair costs {figures["lookups"]} environment lookups and up to {max(figures["lights"])} point lights.
+A few grazing views of a bright spot hold most of a kernel's energy: one seed of the {count} is too few to
+judge by.
 
 {results.verdicts(verdicts)}
 

@@ -6,8 +6,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from ..arrays import F64
 from .blending import Blend, Search, blend
 from .problem import Problem

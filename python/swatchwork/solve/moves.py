@@ -74,9 +74,7 @@ def shrink(problem: Problem, model: Alternation, n: int, options: SolveOptions) 
     return _best(problem, n, proposals, options)
 
 
-def _best(
-    problem: Problem, n: int, proposals: list[tuple[F64, F64]], options: SolveOptions
-) -> Alternation:
+def _best(problem: Problem, n: int, proposals: list[tuple[F64, F64]], options: SolveOptions) -> Alternation:
     """The proposal of weights and representatives that a few alternations take furthest."""
     for alternations, left in ROUNDS:
         trials = [_trial(problem, n, *proposal, options, alternations) for proposal in proposals]
