@@ -72,7 +72,11 @@ def test_a_solution_goes_on_where_another_material_shows() -> None:
 
 
 def test_a_detail_that_the_subset_missed_joins_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A spot of a red material on less than a hundredth of the surface."""
+    """A spot of a red material on less than a hundredth of the surface.
+
+    With one representative a texel, rims and creases of the mesh ask for some of their own: the search may
+    have as many as it asks for before the spot is seen.
+    """
     from swatchwork.observe import observations
 
     simulate_capture(tmp_path, rows=24, k=4, test_views=1, size=144, materials=2, blended=1, sharp=True)

@@ -19,6 +19,7 @@ minutes of one core for 400 pairs; --cache keeps it.
 from __future__ import annotations
 
 import argparse
+import hashlib
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
@@ -44,7 +45,7 @@ def probes(folder: Path) -> dict[str, F32]:
     return {f.stem.split("_")[0]: cv2.imread(str(f), cv2.IMREAD_UNCHANGED)[..., ::-1].copy() for f in files}
 
 
-def random_pairs(count: int, seed: int = 7) -> tuple[F64, F64]:
+def random_pairs(count: int, seed: int) -> tuple[F64, F64]:
     """Normals and viewers, uniform on the sphere with n.o > 0.1."""
     rng = np.random.default_rng(seed)
     n, o = unit(rng.normal(size=(20 * count, 3))), unit(rng.normal(size=(20 * count, 3)))
@@ -211,15 +212,18 @@ def print_alternatives(pyramids: list[Pyramid], n: F64, o: F64, truth: F64) -> N
     """Worst NRMS in percent (sigma < 0.1, broader, diffuse) over probes and kernels, beside the lookups."""
     print(f"{'quadrature':42}{'lookups':>8}  worst: sharp, broad, diffuse")
     for name, quadrature in alternatives().items():
-        worst = summary(errors(pyramids, quadrature, n, o, truth))
+        found = summary(errors(pyramids, quadrature, n, o, truth))
         lookups = sum(r.azimuths.sum() for r in quadrature.layers if r.azimuths.size > 2)
-        print(f"{name:42}{lookups:8}  {worst}", flush=True)
+        print(f"{name:42}{lookups:8}  {found}", flush=True)
 
 
 def pairs_and_truth(args: argparse.Namespace, seed: int, rasters: list[F32]) -> tuple[F64, F64, F64]:
     """Normals, viewers and reference responses of one seed's pairs."""
     n, o = random_pairs(args.pairs, seed)
-    file = args.cache / f"forward-{seed}-{args.pairs}-{args.every}.npz" if args.cache else None
+    # The reference depends on the rasters and on everything above, of which the basis is the rest.
+    made_from = [r.tobytes() for r in rasters] + [repr((BASIS, SIDE, BROAD, args.every)).encode()]
+    digest = hashlib.sha256(b"".join(made_from)).hexdigest()[:12]
+    file = args.cache / f"forward-{seed}-{args.pairs}-{digest}.npz" if args.cache else None
     if file and file.exists():
         return n, o, np.load(file)["truth"]
     truth = reference(rasters, n, o, args.processes, args.every)

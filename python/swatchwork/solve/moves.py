@@ -20,7 +20,7 @@ WORST_SHARES = (0.5, 0.2, 0.05)
 """Shares of the texels, worst fitted first, that a new representative is proposed from: a material of a
 large region, of a small one, of a detail."""
 ROUNDS = ((1, 3), (2, 1))
-"""Alternations that each proposal gets, and how many of the best go on to the next round."""
+"""Alternations that each proposal gets in a round, and how many of the best are left after it."""
 CONTENDERS = 2
 """Representatives whose removal is tried."""
 
@@ -76,10 +76,11 @@ def shrink(problem: Problem, model: Alternation, n: int, options: SolveOptions) 
 
 def _best(problem: Problem, n: int, proposals: list[tuple[F64, F64]], options: SolveOptions) -> Alternation:
     """The proposal of weights and representatives that a few alternations take furthest."""
+    trials: list[Alternation] = []
     for alternations, left in ROUNDS:
         trials = [_trial(problem, n, *proposal, options, alternations) for proposal in proposals]
-        trials.sort(key=lambda trial: trial.data)
-        proposals = [(trial.weights, trial.representatives) for trial in trials[:left]]
+        trials = sorted(trials, key=lambda trial: trial.data)[:left]
+        proposals = [(trial.weights, trial.representatives) for trial in trials]
     return trials[0]
 
 
@@ -104,5 +105,5 @@ def _trial(
         search=options.search,
         most=most,
         seed=options.seed,
-        joint=options.search_order != "paper",
+        joint=options.joint,
     )

@@ -33,7 +33,7 @@ class SolveOptions:
     search: Search = "exact"
     """How the blend step searches supports."""
     search_order: Literal["default", "paper"] = "default"
-    """``paper``: section 4's loops, initialisation and greedy stop, to the letter."""
+    """``paper``: section 4's loops, alternation, initialisation and greedy stop, to the letter."""
     explore_texels: int = 1200
     """Texels that models are explored on; the best goes on with all of them."""
     tolerance: float = 2e-3
@@ -42,6 +42,11 @@ class SolveOptions:
     """Most alternations for one (n, N)."""
     seed: int = 0
     """Of the texels that the search runs on, and of the sample that the pruned blend search starts from."""
+
+    @property
+    def joint(self) -> bool:
+        """Whether alternations include steps of representatives and weights together."""
+        return self.search_order == "default"
 
     def __post_init__(self) -> None:
         for name in ("n", "N", "max_n", "max_N", "max_alternations", "explore_texels"):

@@ -6,7 +6,8 @@ n from 1 up, and for each n again N from 1 up; either loop ends when the objecti
 the value before is kept. A new representative is fitted to the texels whose relative error exceeds a
 threshold, 0.1 at first and 0.8 times that for each further N, and takes over all of their weight. Where no
 texel exceeds it, of which section 4 says nothing, the threshold falls until one does.
-The penalties are the caller's; where they are automatic they follow the residuals, and outliers count by
+Representatives and weights alternate, without joint steps. The penalties are the caller's; where they are
+automatic they follow the residuals, and outliers count by
 their root, as in the other order (penalties.py).
 """
 

@@ -54,7 +54,7 @@ class Run:
             tolerance=coarse * options.tolerance,
             most=options.max_alternations,
             seed=options.seed,
-            joint=options.search_order != "paper",
+            joint=options.joint,
         )
         self.note(settled, n, move)
         return settled

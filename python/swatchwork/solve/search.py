@@ -13,6 +13,7 @@ once a good model is.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from math import ceil
 
 import numpy as np
@@ -118,14 +119,21 @@ def _explore_and_refine(run: Run) -> tuple[int, Alternation]:
 
 def _grown(run: Run, n: int, model: Alternation) -> Alternation:
     """A model of other texels refined on the run's, and grown for as long as that pays."""
-    whole = run.problem
     model = run.settle(model, n, "refine", FINE)
-    while run.options.N is None and run.most_representatives > model.N and model.data > NEAR_PERFECT:
-        larger = run.settle(moves.grow(whole, model, n, run.options), n, "grow", FINE)
-        if run.objective(larger, n) >= run.objective(model, n):
-            break
-        model = larger
+    if run.options.N is None:
+        for larger in _growing(run, n, model):
+            model = larger
     return model
+
+
+def _growing(run: Run, n: int, model: Alternation) -> Iterator[Alternation]:
+    """Models of ever more representatives, each converged, for as long as that pays."""
+    while run.most_representatives > model.N and model.data > NEAR_PERFECT:
+        larger = run.settle(moves.grow(run.problem, model, n, run.options), n, "grow", FINE)
+        if run.objective(larger, n) >= run.objective(model, n):
+            return
+        yield larger
+        model = larger
 
 
 def up_down_and_across(run: Run) -> tuple[int, Alternation]:
@@ -154,9 +162,8 @@ def up_down_and_across(run: Run) -> tuple[int, Alternation]:
 def _refine(run: Run, table: Table) -> None:
     """Converge the best model, and those beside it that came from it, until none of them is better.
 
-    On the way models were left as soon as they slowed down, and one of few weights, held down from one of
-    more, starts far from where it settles: by measurement it takes a hundred alternations and more to
-    arrive at the truth.
+    On the way models were left as soon as they slowed down. A model held down to fewer weights is also grown:
+    it lacks materials that the further weight feigned.
     """
     problem, options = run.problem, run.options
     refined: set[tuple[int, int]] = set()
@@ -175,17 +182,8 @@ def _refine(run: Run, table: Table) -> None:
             settled = run.settle(start, of, move, FINE)
             _keep(run, table, of, settled)
             if move == "hold" and options.N is None:
-                _grow_on(run, table, of, settled)
-
-
-def _grow_on(run: Run, table: Table, n: int, model: Alternation) -> None:
-    """Grow a model for as long as that pays: one held down lacks materials that a further weight feigned."""
-    while run.most_representatives > model.N and model.data > NEAR_PERFECT:
-        larger = run.settle(moves.grow(run.problem, model, n, run.options), n, "grow", FINE)
-        if run.objective(larger, n) >= run.objective(model, n):
-            return
-        _keep(run, table, n, larger)
-        model = larger
+                for larger in _growing(run, of, table[of, settled.N]):
+                    _keep(run, table, of, larger)
 
 
 def _best(run: Run, table: Table) -> tuple[int, int]:

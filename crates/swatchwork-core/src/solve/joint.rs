@@ -43,8 +43,8 @@ struct Sums {
     g: Vec<f64>,
 }
 
-/// Representatives [N, J, 3] that minimise the Gauss-Newton model, no weight below zero and none but those
-/// in use above, for dense weights [M, N]. `damping` (Levenberg and Marquardt's) adds that share of H's
+/// Representatives [N, J, 3] that minimise the Gauss-Newton model, no kernel's weight below zero, for dense
+/// weights [M, N]. Kernels not in use stay at zero, representatives that no texel blends stay as they are. `damping` (Levenberg and Marquardt's) adds that share of H's
 /// diagonal to it.
 pub fn joint_step(
     problem: &Problem,
@@ -54,7 +54,10 @@ pub fn joint_step(
 ) -> Vec<f64> {
     let j = problem.kernels;
     let n = representatives.len() / (3 * j);
-    // Ordered by channel, then representative: a texel's rows are found in runs.
+    let used: Vec<bool> = (0..n)
+        .map(|i| weights.chunks_exact(n).any(|row| row[i] > 0.0))
+        .collect();
+    // By channel, then representative: places in H rise along those of any support.
     let free: Vec<Free> = (0..3)
         .flat_map(|channel| (0..n).map(move |i| (channel, i)))
         .flat_map(|(channel, representative)| {
@@ -64,6 +67,7 @@ pub fn joint_step(
                 channel,
             })
         })
+        .filter(|f| used[f.representative])
         .filter(|f| representatives[(f.representative * j + f.kernel) * 3 + f.channel] > 0.0)
         .collect();
     let size = free.len();
@@ -90,7 +94,7 @@ pub fn joint_step(
     }
     // The model in terms of the new weights: its linear part is g + H x at the old.
     let at = |f: &Free| (f.representative * j + f.kernel) * 3 + f.channel;
-    let mut x: Vec<f64> = free.iter().map(|f| representatives[at(f)]).collect();
+    let x: Vec<f64> = free.iter().map(|f| representatives[at(f)]).collect();
     for r in 0..size {
         let row = &h[r * size..(r + 1) * size];
         g[r] += row.iter().zip(&x).map(|(h, x)| h * x).sum::<f64>();
@@ -106,17 +110,22 @@ pub fn joint_step(
         .collect();
     let sorted_g: Vec<f64> = order.iter().map(|&r| g[r]).collect();
     let mut sorted_x: Vec<f64> = order.iter().map(|&r| x[r]).collect();
-    let scale = g.iter().fold(0.0, |most: f64, v| most.max(v.abs()));
+    // As in the representative step: a slope of this much leaves 1e-18 of the energy that x explains.
+    let least = 1e-9 * inner(&sorted_g, &sorted_x).max(0.0).sqrt();
     let quadratic = Quadratic {
         h: &sorted_h,
         b: &sorted_g,
         block: size.max(1),
     };
-    // An iteration limit leaves a feasible point no worse than the start, and the blend judges it.
-    Workspace::default().solve(&quadratic, &mut sorted_x, 1e-9 * scale.sqrt());
-    order.iter().zip(&sorted_x).for_each(|(&r, &v)| x[r] = v);
-    let mut out = vec![0.0; representatives.len()];
-    free.iter().zip(&x).for_each(|(f, &v)| out[at(f)] = v);
+    // Feasible even at an iteration limit, and the exact blend judges it.
+    Workspace::default().solve(&quadratic, &mut sorted_x, least);
+    let mut out = representatives.to_vec();
+    for (&r, &v) in order.iter().zip(&sorted_x) {
+        // A kernel that only does what the weights could do too has nothing to go by.
+        if h[r * size + r] > 0.0 {
+            out[at(&free[r])] = v;
+        }
+    }
     out
 }
 
