@@ -110,9 +110,9 @@ class Environment:
         """Area means F32[size, size, 3] in the world frame on the equal-area octahedral square.
 
         Each pixel is the mean of at least 2 x 2 bilinear lookups, 3 x 3 where pixels are not smaller than the
-        raster's, and of more than the raster has pixels there, so that the integral over the sphere is kept (to 0.2 % on real probes). With 2 x 2, in a base
-        as wide as the raster, the response of a mirror-like lobe was off by 1.1 % under one of them, with
-        3 x 3 by 0.6 %.
+        raster's, and of more than the raster has pixels there, so that the integral over the sphere is kept
+        (to 0.2 % on real probes). With 2 x 2, in a base as wide as the raster, the response of a mirror-like
+        lobe was off by 1.1 % under one of them, with 3 x 3 by 0.6 %.
         """
         size = self.base_size if size is None else size
         radiance = self.radiance
