@@ -33,6 +33,7 @@ from .material import BasisRecord, Material
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 CHUNK = 65536
+"""Pixels of a band."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,32 +61,35 @@ def material_maps(material: Material) -> MaterialMaps:
     full = power == 0
     c0, c1 = np.where(full, 0, luminance), np.where(full, luminance, 0)
 
-    atlas = m.on_atlas
-    index, weight = m.index[atlas].astype(np.int64), m.weight[atlas].astype(np.float64)
-    at_normal = blended(c1.sum(axis=-1), index, weight)
-    total = at_normal + blended(c0.sum(axis=-1), index, weight)
-    tau = np.where(total > 0, at_normal / np.where(total > 0, total, 1), 0)
-    roughness = _fitted_roughness(
-        luminance * 2 / ((power + 1) * (power + 2)), np.array([sigma for *_, sigma in lobes]), index, weight
-    )
-
-    def image(values: F64) -> F32:
-        found = np.zeros((*atlas.shape, *values.shape[1:]), np.float32)
-        found[atlas] = values
-        return found
-
-    views = np.maximum(m.coverage, 0)
-    residual = np.where(atlas & np.isfinite(m.residual), m.residual, 0)
-    confidence = views / (views + 2.0) / (1 + (residual.astype(np.float64) / 0.1) ** 2)
-    return MaterialMaps(
-        diffuse=image(blended(diffuse, index, weight)),
-        specular=image(blended(specular, index, weight)),
-        roughness=image(roughness),
-        tau=image(tau),
-        residual=residual.astype(np.float32),
+    energy, sigmas = luminance * 2 / ((power + 1) * (power + 2)), np.array([sigma for *_, sigma in lobes])
+    at_normal, at_grazing = c1.sum(axis=-1), c0.sum(axis=-1)
+    size = m.coverage.shape
+    found = MaterialMaps(
+        diffuse=np.zeros((*size, 3), np.float32),
+        specular=np.zeros((*size, 3), np.float32),
+        roughness=np.zeros(size, np.float32),
+        tau=np.zeros(size, np.float32),
+        residual=np.zeros(size, np.float32),
         coverage=m.coverage,
-        confidence=confidence.astype(np.float32),
+        confidence=np.zeros(size, np.float32),
     )
+    # In bands: the maps are small beside what one of them takes in 64 bits on the way.
+    band = max(1, CHUNK // size[1])
+    for start in range(0, size[0], band):
+        rows = slice(start, start + band)
+        atlas, residual = m.coverage[rows] >= 0, m.residual[rows].astype(np.float64)
+        index, weight = m.index[rows][atlas].astype(np.int64), m.weight[rows][atlas].astype(np.float64)
+        found.diffuse[rows][atlas] = blended(diffuse, index, weight)
+        found.specular[rows][atlas] = blended(specular, index, weight)
+        found.roughness[rows][atlas] = _fitted_roughness(energy, sigmas, index, weight)
+        normal = blended(at_normal, index, weight)
+        total = normal + blended(at_grazing, index, weight)
+        found.tau[rows][atlas] = np.where(total > 0, normal / np.where(total > 0, total, 1), 0)
+        residual = np.where(atlas & np.isfinite(residual), residual, 0)
+        found.residual[rows] = residual
+        views = np.maximum(m.coverage[rows], 0)
+        found.confidence[rows] = views / (views + 2.0) / (1 + (residual / 0.1) ** 2)
+    return found
 
 
 def blended(per_representative: F64, index: np.ndarray, weight: F64) -> F64:
@@ -103,19 +107,17 @@ def _fitted_roughness(energy: F64, sigmas: F64, index: np.ndarray, weight: F64) 
     grid = np.arange(np.log(sigmas.min()), np.log(sigmas.max()) + step, step)
     s2, t2 = sigmas[:, None] ** 2, np.exp(2 * grid)[None]
     scores = energy @ (2 * s2 * t2 / (s2 + t2) ** 2)
-    found = np.zeros(len(index))
-    for start in range(0, len(index), CHUNK):
-        part = slice(start, start + CHUNK)
-        score = blended(scores, index[part], weight[part])
-        best = np.clip(score.argmax(axis=1), 1, len(grid) - 2)
-        at = np.arange(len(best))
-        low, mid, high = score[at, best - 1], score[at, best], score[at, best + 1]
-        # A parabola through the three scores around the top of the grid.
-        bend = low - 2 * mid + high
-        shift = np.where(bend < 0, 0.5 * (low - high) / np.where(bend < 0, bend, 1), 0)
-        sigma = np.exp(grid[best] + step * np.clip(shift, -1, 1))
-        found[part] = np.where(mid > 0, np.clip(sigma, sigmas.min(), sigmas.max()), 0)
-    return found
+    if not len(index):
+        return np.zeros(0)
+    score = blended(scores, index, weight)
+    best = np.clip(score.argmax(axis=1), 1, len(grid) - 2)
+    at = np.arange(len(best))
+    low, mid, high = score[at, best - 1], score[at, best], score[at, best + 1]
+    # A parabola through the three scores around the top of the grid.
+    bend = low - 2 * mid + high
+    shift = np.where(bend < 0, 0.5 * (low - high) / np.where(bend < 0, bend, 1), 0)
+    sigma = np.exp(grid[best] + step * np.clip(shift, -1, 1))
+    return np.where(mid > 0, np.clip(sigma, sigmas.min(), sigmas.max()), 0)
 
 
 def normal_albedo(basis: BasisRecord) -> F64:

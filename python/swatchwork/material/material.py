@@ -87,6 +87,14 @@ class Material:
         """Bool[H, W]: pixels that are texels of the surface."""
         return self.coverage >= 0
 
+    @property
+    def shares(self) -> F64:
+        """Share [N] of the surface's blend weight that each representative carries."""
+        carried = np.zeros(self.N)
+        for here, index, weight in zip(self.on_atlas, self.index, self.weight, strict=True):
+            carried += np.bincount(index[here].ravel(), weight[here].ravel(), minlength=self.N)
+        return carried / max(float(carried.sum()), 1e-30)
+
     def check(self, file: str | PathLike[str] | None = None) -> None:
         """Raise InputError, naming ``file``, where the parts disagree or break a constraint of Eq. 3 or 7."""
         _check_shapes(self, file)

@@ -112,7 +112,7 @@ def uv_doubled_areas(mesh: Mesh) -> F64:
 
 def padded(atlas: Atlas) -> I32:
     """I32[H, W]: the texel at each pixel, or the nearest one in the gutter, for lookups across seams."""
-    _, nearest = distance_transform_edt(atlas.texel_at < 0, return_indices=True)
+    nearest = distance_transform_edt(atlas.texel_at < 0, return_distances=False, return_indices=True)
     return np.asarray(atlas.texel_at[nearest[0], nearest[1]])
 
 

@@ -25,6 +25,7 @@ from .pictures import (
     coverage_picture,
     map_pictures,
     spheres,
+    thinned,
 )
 
 SHOWN_VIEWS = 3
@@ -54,6 +55,7 @@ def reconstruction_report(
     unseen = summary["unseen"] / summary["texels"]
     first = views[0]
     photographs = _count(len(capture.frames), "photograph")
+    small = thinned(material)
     return page.Report(
         title=capture.root.resolve().name,
         summary=f"{photographs} under known light, and what the object is made of.",
@@ -68,14 +70,14 @@ def reconstruction_report(
         spheres=spheres(
             found.basis, material, chosen[0].camera, environment_of(found, capture, chosen[0]), exposures[0]
         ),
-        blend_map=blend_picture(material),
-        coverage=coverage_picture(material),
+        blend_map=blend_picture(small),
+        coverage=coverage_picture(small),
         coverage_note=(
             f"{100 * unseen:.1f} % of the points are in no photograph; their blend is the nearest seen one's."
             if unseen
             else "Every point is in at least one photograph."
         ),
-        maps=map_pictures(material),
+        maps=map_pictures(small),
         trials=tuple(page.Trial(t.n, t.N, t.objective) for t in found.solution.history),
         chosen=(material.n, material.N),
         status=(

@@ -107,7 +107,7 @@ def spheres(
     normal = np.asarray(n_in_camera @ world_from_camera.T, dtype=np.float32)
     viewer = np.ascontiguousarray(np.broadcast_to(world_from_camera[:, 2], normal.shape), dtype=np.float32)
     shaded = representative_responses(basis, material.representatives, light.pyramid(), normal, viewer)
-    share = shares(material)
+    share = material.shares
     pictures = []
     for i in range(material.N):
         pixels = np.zeros((*inside.shape, 4), dtype=np.float32)
@@ -117,13 +117,16 @@ def spheres(
     return tuple(pictures)
 
 
-def shares(material: Material) -> F64:
-    """Each representative's share [N] of the blend over the atlas."""
-    here = material.on_atlas
-    total = np.bincount(
-        material.index[here].ravel(), weights=material.weight[here].ravel(), minlength=material.N
+def thinned(material: Material) -> Material:
+    """Every so manieth texel along both sides, while that leaves more than the page shows."""
+    s = max(1, min(material.coverage.shape) // MAP_PX)
+    return replace(
+        material,
+        index=material.index[::s, ::s],
+        weight=material.weight[::s, ::s],
+        coverage=material.coverage[::s, ::s],
+        residual=material.residual[::s, ::s],
     )
-    return np.asarray(total / max(float(total.sum()), 1e-30), dtype=np.float64)
 
 
 def blend_picture(material: Material) -> page.Picture:

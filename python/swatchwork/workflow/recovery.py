@@ -216,10 +216,7 @@ def warn_of_bright_materials(material: Material, capture: Capture) -> None:
         CaptureWarning: some representative that carries at least 1 % of the blend weight has a directional
             albedo at normal incidence above 1.05 in a channel.
     """
-    weight = material.weight[material.on_atlas].astype(np.float64)
-    index = material.index[material.on_atlas].astype(np.int64)
-    carried = np.bincount(index.ravel(), weight.ravel(), minlength=material.N)
-    share = carried / max(carried.sum(), 1e-30)
+    share = material.shares
     albedo = np.einsum("j,njc->nc", normal_albedo(material.basis), material.representatives)
     bright = np.flatnonzero((share >= CARRIED_SHARE) & (albedo.max(axis=1) > BRIGHTEST_ALBEDO))
     if len(bright):
