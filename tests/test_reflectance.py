@@ -120,3 +120,22 @@ def test_unknown_names_are_refused() -> None:
         GenericBasis("b", sigmas=np.array([0.1, -0.1]))
     with pytest.raises(InputError, match="'both'"):
         basis_by_name("both")
+
+
+@pytest.mark.parametrize("n_o", [1.0, 0.7, 0.25])
+@pytest.mark.parametrize("basis", [paper(), extended()], ids=lambda basis: basis.name)
+def test_albedo_is_the_integral_over_the_hemisphere(basis: GenericBasis, n_o: float) -> None:
+    """Uniform over the projected hemisphere, for kernels wide enough for 400 x 1600 directions."""
+    radius, phi = np.sqrt((np.arange(400) + 0.5) / 400), 2 * np.pi * (np.arange(1600) + 0.5) / 1600
+    r, p = np.meshgrid(radius, phi, indexing="ij")
+    i = np.stack([r * np.cos(p), r * np.sin(p), np.sqrt(1 - r**2)], axis=-1).reshape(-1, 3)
+    wide = [j for j, lobe in enumerate(basis.lobes) if lobe.sigma > 0.15]
+    wide += range(len(basis.lobes), basis.kernels)
+    o = np.array([np.sqrt(1 - n_o**2), 0, n_o])
+    integral = np.pi * basis.evaluate(i, o, wide).mean(axis=0)
+    # 64 quantiles end where 1 in 128 of the lobe is left, which a Fresnel term of the fifth power sees.
+    np.testing.assert_allclose(basis.albedo(n_o)[wide], integral, rtol=0.01, atol=2e-3)
+    # A mirror's albedo is its Fresnel term.
+    first = basis.lobes.index(next(lobe for lobe in basis.lobes if lobe.power == 0))
+    if basis.lobes[first].masking == "vgroove":
+        assert basis.albedo(n_o)[first] == pytest.approx(1, abs=1e-3)

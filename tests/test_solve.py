@@ -257,6 +257,25 @@ def test_joint_steps_take_a_fraction_of_the_alternations() -> None:
     np.testing.assert_allclose(again.squared_error, fast.squared_error, rtol=1e-6)
 
 
+def test_no_representative_reflects_far_more_than_it_receives(noisy: tuple) -> None:
+    """A few texels in the dark, lit by what their surroundings reflect."""
+    truth, free, *_ = noisy
+    albedo = np.stack([truth.basis.albedo(n_o) for n_o in (1.0, 0.25)])
+    dark = np.arange(0, free.texels, 20)
+    responses = truth.responses.copy()
+    for x in dark:
+        responses[slice(*truth.offsets[x : x + 2])] *= 1e-3
+    options = SolveOptions(n=2, N=5)
+
+    def highest(bound: np.ndarray | None) -> float:
+        problem = Problem(responses, truth.radiance, truth.offsets, albedo=bound)
+        found = solve(problem, options).representatives
+        return float(np.einsum("aj,njc->nac", albedo, found).max())
+
+    assert highest(None) > 100
+    assert highest(albedo) <= 10
+
+
 def test_alternation_never_raises_the_data_term(small: SyntheticProblem) -> None:
     problem = Problem(small.responses, small.radiance, small.offsets)
     rng = np.random.default_rng(5)

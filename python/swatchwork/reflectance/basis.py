@@ -95,6 +95,37 @@ class GenericBasis:
         """Number of kernels a channel, J."""
         return len(self.lobes) + len(self.diffuse)
 
+    def albedo(self, n_o: float) -> F64:
+        """Directional albedo [J] of each kernel, for a viewer at the given cosine to the normal.
+
+        Specular kernels by 64 x 64 half-vectors at the quantiles of their own distribution (Eq. 9), so that
+        the sharpest is as well sampled as the widest; diffuse ones by as many directions to the light.
+        """
+        quantile = (np.arange(64) + 0.5) / 64
+        phi = 2 * np.pi * quantile
+        o = np.array([np.sqrt(1 - n_o**2), 0.0, n_o])
+        found = np.empty(self.kernels)
+        of_sigma: dict[float, list[int]] = {}
+        for j, lobe in enumerate(self.lobes):
+            of_sigma.setdefault(lobe.sigma, []).append(j)
+        for sigma, kernels in of_sigma.items():
+            t = sigma * np.sqrt(-np.log1p(-quantile))[:, None]
+            n_h = 1 / np.sqrt(1 + t * t)
+            h = np.stack(np.broadcast_arrays(t * n_h * np.cos(phi), t * n_h * np.sin(phi), n_h), axis=-1)
+            o_h = h @ o
+            n_i = 2 * o_h * h[..., 2] - n_o
+            lit = (o_h > 0) & (n_i > 0)
+            o_h, n_i, n_h = np.where(lit, o_h, 1), np.where(lit, n_i, 1), h[..., 2]
+            for j in kernels:
+                lobe = self.lobes[j]
+                g = masking_value(lobe.masking, n_i, n_o, o_h, n_h)
+                value = g * (1 - np.minimum(o_h, 1)) ** lobe.power * o_h / (n_o * n_h)
+                found[j] = np.where(lit, value, 0).mean()
+        # Uniform over the projected hemisphere: the cosine and pi cancel.
+        for j, name in enumerate(self.diffuse, len(self.lobes)):
+            found[j] = np.pi * diffuse_value(DIFFUSE_KERNELS[name], np.sqrt(quantile), n_o).mean()
+        return found
+
     def evaluate(self, i_in_local: Float, o_in_local: Float, kernels: Sequence[int] | None = None) -> F64:
         """BRDF values of all kernels (Eqs. 8 to 11, with F of o.h), the slow twin of the operator.
 

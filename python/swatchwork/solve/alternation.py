@@ -52,7 +52,8 @@ def alternate(
 ) -> Alternation:
     """Minimise Eq. 5 for fixed n and N from the given weights [M, N].
 
-    Each step solves its half exactly, so the data term never rises. Representatives that fall out of
+    Each step solves its half exactly, so the data term never rises, but for representatives that are held to
+    the possible. Representatives that fall out of
     use keep the place they had: a later blend may pick them up again.
 
     Args:
@@ -76,13 +77,13 @@ def alternate(
         if representatives is not None:
             idle = weights.sum(axis=0) <= 0
             fitted[idle] = representatives[idle]
-        representatives = fitted
+        representatives = problem.possible(fitted, weights)
         step, data = blended(representatives, weights)
         if joint and n > 1 and data >= PERFECT:
             change = problem.joint_step(step.weights, representatives, damping) - representatives
             whole = False
             for part in STEPS:
-                moved = representatives + part * change
+                moved = problem.possible(representatives + part * change, step.weights)
                 rival, less = blended(moved, step.weights)
                 if less < data:
                     representatives, step, data, whole = moved, rival, less, part == STEPS[0]

@@ -12,6 +12,11 @@ from .._native import SolverProblem
 from ..arrays import DARK, F32, F64, I64
 from ..errors import InputError
 
+BRIGHTEST = 2.0
+"""A directional albedo can be 1 at most; a fit overshoots where no view looked."""
+BRIGHTER = 10.0
+"""Times the typical representative's albedo that another may have: white marble on black slate has."""
+
 
 class Fitted(NamedTuple):
     """What the representative step found."""
@@ -32,13 +37,17 @@ class Problem:
         radiance: [P, 3] s_hat, measured radiance in the same unit.
         offsets: [M + 1]; pairs of texel x are offsets[x] to offsets[x + 1]. Every texel needs a view.
         share: [M] weight of each texel in the mean of Eq. 5, above 0, the largest 1; all alike by default.
+        albedo: [A, J] of the kernels at A directions of view, to hold representatives to the possible; no
+            such bound by default.
 
     Raises:
         InputError: a texel without views, or nothing but black measurements.
         ValueError: shapes that do not agree, or values that are not finite.
     """
 
-    def __init__(self, responses: F32, radiance: F32, offsets: I64, share: F64 | None = None) -> None:
+    def __init__(
+        self, responses: F32, radiance: F32, offsets: I64, share: F64 | None = None, albedo: F64 | None = None
+    ) -> None:
         self.offsets = np.ascontiguousarray(offsets, dtype=np.int64)
         self.radiance = np.ascontiguousarray(radiance, dtype=np.float32)
         self.responses = np.ascontiguousarray(responses, dtype=np.float32)
@@ -63,6 +72,7 @@ class Problem:
         """[M] K of each texel."""
         self.share: F64 = np.ones(self.texels) if share is None else np.asarray(share, dtype=np.float64)
         """[M]"""
+        self.albedo = albedo
         # The core takes gamma as 1 over energy or floor, whichever is larger: a share raises the floor.
         floor = np.maximum(energy, DARK**2 * typical * views) / self.share
         self._native = SolverProblem(self.responses, self.radiance, self.offsets, floor)
@@ -77,7 +87,7 @@ class Problem:
         kept = np.arange(0, self.texels, stride)
         pairs = np.concatenate([np.arange(*self.offsets[x : x + 2]) for x in kept])
         offsets = np.concatenate([[0], np.cumsum(np.diff(self.offsets)[kept])])
-        return Problem(self.responses[pairs], self.radiance[pairs], offsets, self.share[kept])
+        return Problem(self.responses[pairs], self.radiance[pairs], offsets, self.share[kept], self.albedo)
 
     def representatives(self, weights: F64, start: F64 | None = None) -> Fitted:
         """Optimal representatives for blend weights [M, N] (Eqs. 6, 7), from ``start`` [N, J, 3]."""
@@ -86,6 +96,24 @@ class Problem:
         return Fitted(
             *self._native.representatives(np.ascontiguousarray(weights), np.ascontiguousarray(start))
         )
+
+    def possible(self, representatives: F64, weights: F64) -> F64:
+        """Representatives [N, J, 3], those scaled down that reflect far more light than they receive.
+
+        A few texels that hardly any direct light reaches, but interreflections do, are fitted best by an
+        albedo of a thousand, which then shows wherever light does reach. Exposures and the light's unit may
+        be off by any factor, so that an albedo is held to ``BRIGHTEST``, or to ``BRIGHTER`` times that of
+        the typical representative (the median by the blend weights [M, N]) where that is more.
+        """
+        if self.albedo is None:
+            return representatives
+        highest = np.einsum("aj,njc->nac", self.albedo, representatives).max(axis=(1, 2))
+        carried = weights.sum(axis=0)
+        order = np.argsort(highest)
+        half = np.searchsorted(np.cumsum(carried[order]), 0.5 * carried.sum())
+        ceiling = max(BRIGHTEST, BRIGHTER * highest[order[min(half, len(order) - 1)]])
+        scale = np.minimum(1.0, ceiling / np.maximum(highest, 1e-30))
+        return np.asarray(representatives * scale[:, None, None])
 
     def joint_step(self, weights: F64, representatives: F64, damping: float) -> F64:
         """Representatives [N, J, 3] after a damped Gauss-Newton step that lets the weights [M, N] follow.

@@ -30,6 +30,8 @@ ROUNDS = 3
 """Surveys at most."""
 POOR = 3.0
 """A texel with this many times the root-mean-square relative error is fitted badly."""
+VIEWED = (1.0, 0.7, 0.25)
+"""Cosines of view at which no representative may reflect far more light than it receives."""
 JOINING = 0.25
 """Badly fitted texels that join, at most, as a share of the subset."""
 
@@ -106,7 +108,8 @@ def _pairs(rendering: Rendering, texels: I64) -> int:
 
 def _problem(rendering: Rendering, basis: GenericBasis, subset: Subset) -> Problem:
     pairs = rendering.pairs(subset.texels)
-    return Problem(rendering.generic(basis, pairs), pairs.radiance, pairs.offsets, subset.share)
+    albedo = np.stack([basis.albedo(n_o) for n_o in VIEWED])
+    return Problem(rendering.generic(basis, pairs), pairs.radiance, pairs.offsets, subset.share, albedo)
 
 
 def _surveyed(
