@@ -40,7 +40,7 @@ def with_new(
             their weight (section 4).
     """
     alone = chosen.astype(np.float64)[:, None]
-    newcomer = problem.possible(problem.representatives(alone).representatives, alone)
+    newcomer = problem.representatives(alone).representatives
     representatives = np.concatenate([model.representatives, newcomer])
     if shared:
         return _blended(problem, representatives, n, options).weights, representatives
