@@ -118,12 +118,12 @@ class GenericBasis:
             o_h, n_i, n_h = np.where(lit, o_h, 1), np.where(lit, n_i, 1), h[..., 2]
             for j in kernels:
                 lobe = self.lobes[j]
-                g = masking_value(lobe.masking, n_i, n_o, o_h, n_h)
+                g = masking_value(lobe.masking, n_i, o[2:], o_h, n_h)
                 value = g * (1 - np.minimum(o_h, 1)) ** lobe.power * o_h / (n_o * n_h)
                 found[j] = np.where(lit, value, 0).mean()
         # Uniform over the projected hemisphere: the cosine and pi cancel.
         for j, name in enumerate(self.diffuse, len(self.lobes)):
-            found[j] = np.pi * diffuse_value(DIFFUSE_KERNELS[name], np.sqrt(quantile), n_o).mean()
+            found[j] = np.pi * diffuse_value(DIFFUSE_KERNELS[name], np.sqrt(quantile), o[2:]).mean()
         return found
 
     def evaluate(self, i_in_local: Float, o_in_local: Float, kernels: Sequence[int] | None = None) -> F64:
