@@ -53,8 +53,8 @@ def alternate(
     """Minimise Eq. 5 for fixed n and N from the given weights [M, N].
 
     Each step solves its half exactly, so the data term never rises, but for representatives that are held to
-    the possible. Representatives that fall out of
-    use keep the place they had: a later blend may pick them up again.
+    the possible. Representatives that fall out of use keep the place they had: a later blend may pick them up
+    again.
 
     Args:
         tolerance: mean relative decrease of the data term an alternation that counts as standing still.

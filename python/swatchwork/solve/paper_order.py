@@ -7,8 +7,8 @@ the value before is kept. A new representative is fitted to the texels whose rel
 threshold, 0.1 at first and 0.8 times that for each further N, and takes over all of their weight. Where no
 texel exceeds it, of which section 4 says nothing, the threshold falls until one does.
 Representatives and weights alternate, without joint steps. The penalties are the caller's; where they are
-automatic they follow the residuals, and outliers count by
-their root, as in the other order (penalties.py).
+automatic they follow the residuals, and outliers count by their root, as in the other order (penalties.py).
+Representatives are held to the possible here too (problem.py).
 """
 
 from __future__ import annotations

@@ -44,8 +44,8 @@ struct Sums {
 }
 
 /// Representatives [N, J, 3] that minimise the Gauss-Newton model, no kernel's weight below zero, for dense
-/// weights [M, N]. Kernels not in use stay at zero, representatives that no texel blends stay as they are. `damping` (Levenberg and Marquardt's) adds that share of H's
-/// diagonal to it.
+/// weights [M, N]. Kernels not in use stay at zero, representatives that no texel blends stay as they are.
+/// `damping` (Levenberg and Marquardt's) adds that share of H's diagonal to it.
 pub fn joint_step(
     problem: &Problem,
     weights: &[f64],
@@ -141,7 +141,7 @@ dispatched! {
     ) -> Sums = sums_with
 }
 
-/// Rows and columns of H that a support touches, each channel's filled up to whole pieces.
+/// Rows and columns of H that a support touches, rising, each channel's filled up to whole pieces.
 struct Places {
     /// Places in H, or ABSENT.
     of: Vec<usize>,
