@@ -276,6 +276,20 @@ def test_no_representative_reflects_far_more_than_it_receives(noisy: tuple) -> N
     assert highest(albedo) <= 10
 
 
+def test_the_typical_representative_is_that_of_the_surface(noisy: tuple) -> None:
+    """Many texels of a subset that stand for little: what they look like is not typical."""
+    truth, free, *_ = noisy
+    albedo = truth.basis.albedo(1.0)[None]
+    share = np.where(np.arange(free.texels) < 40, 1.0, 0.01)
+    problem = Problem(truth.responses, truth.radiance, truth.offsets, share, albedo)
+    weights = np.stack([share == 1, share < 1], axis=1).astype(np.float64)
+    plain = np.zeros((2, truth.basis.kernels, 3))
+    plain[:, -1] = [[0.5], [1000]]  # Lambertian albedo
+    held = problem.possible(plain, weights)
+    np.testing.assert_array_equal(held[0], plain[0])
+    np.testing.assert_allclose(held[1, -1], 5, rtol=1e-2)
+
+
 def test_alternation_never_raises_the_data_term(small: SyntheticProblem) -> None:
     problem = Problem(small.responses, small.radiance, small.offsets)
     rng = np.random.default_rng(5)

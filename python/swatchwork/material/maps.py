@@ -73,7 +73,7 @@ def material_maps(material: Material) -> MaterialMaps:
         coverage=m.coverage,
         confidence=np.zeros(size, np.float32),
     )
-    # In bands: the maps are small beside what one of them takes in 64 bits on the way.
+    # In bands, so that indices and weights of the whole atlas are never held in 64 bits.
     band = max(1, CHUNK // size[1])
     for start in range(0, size[0], band):
         rows = slice(start, start + band)
@@ -107,8 +107,6 @@ def _fitted_roughness(energy: F64, sigmas: F64, index: np.ndarray, weight: F64) 
     grid = np.arange(np.log(sigmas.min()), np.log(sigmas.max()) + step, step)
     s2, t2 = sigmas[:, None] ** 2, np.exp(2 * grid)[None]
     scores = energy @ (2 * s2 * t2 / (s2 + t2) ** 2)
-    if not len(index):
-        return np.zeros(0)
     score = blended(scores, index, weight)
     best = np.clip(score.argmax(axis=1), 1, len(grid) - 2)
     at = np.arange(len(best))

@@ -99,7 +99,7 @@ class GenericBasis:
         """Directional albedo [J] of each kernel, for a viewer at the given cosine to the normal.
 
         Specular kernels by 64 x 64 half-vectors at the quantiles of their own distribution (Eq. 9), so that
-        the sharpest is as well sampled as the widest; diffuse ones by as many directions to the light.
+        the sharpest is as well sampled as the widest; diffuse ones, which know no azimuth, by 64 cosines.
         """
         quantile = (np.arange(64) + 0.5) / 64
         phi = 2 * np.pi * quantile

@@ -103,12 +103,12 @@ class Problem:
         A few texels that hardly any direct light reaches, but interreflections do, are fitted best by an
         albedo of a thousand, which then shows wherever light does reach. Exposures and the light's unit may
         be off by any factor, so that an albedo is held to ``BRIGHTEST``, or to ``BRIGHTER`` times that of
-        the typical representative (the median by the blend weights [M, N]) where that is more.
+        the typical representative (the median over the surface by blend weights [M, N]) where that is more.
         """
         if self.albedo is None:
             return representatives
         highest = np.einsum("aj,njc->nac", self.albedo, representatives).max(axis=(1, 2))
-        carried = weights.sum(axis=0)
+        carried = self.share @ weights
         order = np.argsort(highest)
         half = np.searchsorted(np.cumsum(carried[order]), 0.5 * carried.sum())
         ceiling = max(BRIGHTEST, BRIGHTER * highest[order[min(half, len(order) - 1)]])

@@ -118,7 +118,7 @@ def spheres(
 
 
 def thinned(material: Material) -> Material:
-    """Every so manieth texel along both sides, while that leaves more than the page shows."""
+    """Every s-th texel along both sides, s as large as leaves no fewer than the page shows."""
     s = max(1, min(material.coverage.shape) // MAP_PX)
     return replace(
         material,
