@@ -237,7 +237,7 @@ def full(*_: object, **__: object) -> None:
 def test_full_disk(work: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """The earlier material stays as it is, and the finished parts of the new one."""
     before = (work / "material" / "svbrdf.json").read_bytes()
-    monkeypatch.setattr("swatchwork.material.folder.write_exr_channels", full)
+    monkeypatch.setattr("swatchwork.material.folder.exr_in_bands", full)
     assert reconstruct(work / "capture", work / "material") == 2
     said = capsys.readouterr().err
     assert "material" in said and "No space left" in said and "Traceback" not in said

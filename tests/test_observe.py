@@ -111,7 +111,7 @@ def test_samples_are_the_surface_at_the_texel(scale: float, lens: dict[str, floa
     atlas, scene = build_atlas(mesh, 128), RayScene([mesh])
     camera = camera_at((2 * scale, 3 * scale, scale), **lens)
     found = observed(scene, atlas, camera, lambda x: smooth(x / scale))
-    truth = smooth(atlas.position[found.texel] / scale)
+    truth = smooth(atlas.position(found.texel) / scale)
     error = np.abs(found.radiance / truth - 1).max(axis=1)
     # A pixel is 1/70 of the radius: bilinear interpolation of `smooth` is then good to a few 1e-4.
     assert error[found.cosine > 0.5].max() < 2e-3
@@ -136,7 +136,7 @@ def test_nothing_crosses_a_depth_discontinuity() -> None:
     for position in ((5.0, 0.0, 0.0), (4.0, 2.0, 1.0), (3.5, -3.0, 0.5)):
         camera = camera_at(position, focal=300)
         found = observed(scene, atlas, camera, shading)
-        truth = shading(atlas.position[found.texel])
+        truth = shading(atlas.position(found.texel))
         assert (truth == 1).any() and (truth == 10).any()
         # f32 sums of 36 samples, nothing else.
         np.testing.assert_allclose(found.radiance, truth, rtol=1e-5)
@@ -163,7 +163,7 @@ def test_clipped_and_masked_pixels_are_missing() -> None:
     picture.radiance[60:80, 70:90] = 77.0
     found = observe(capture_of(camera), atlas, scene, read=lambda _: picture).pairs(np.arange(len(atlas)))
     np.testing.assert_allclose(found.radiance, 1.0, rtol=1e-5)
-    uv_px, _ = camera.project(atlas.position[found.texel])
+    uv_px, _ = camera.project(atlas.position(found.texel))
     inside = (uv_px > (70, 60)).all(axis=1) & (uv_px < (90, 80)).all(axis=1)
     assert not inside.any()
 
@@ -182,9 +182,9 @@ def test_pairs_are_sorted_by_texel_then_frame() -> None:
     assert found.offsets[-1] == len(found) == len(observations)
     assert (coverage == 0).any() and coverage.max() == 3
     seen_from = np.stack([c.position for c in cameras])[found.frame]
-    np.testing.assert_allclose(found.to_viewer, unit(seen_from - atlas.position[found.texel]), atol=1e-6)
+    np.testing.assert_allclose(found.to_viewer, unit(seen_from - atlas.position(found.texel)), atol=1e-6)
     np.testing.assert_allclose(
-        found.cosine, (found.to_viewer * atlas.normal[found.texel]).sum(axis=1), atol=1e-6
+        found.cosine, (found.to_viewer * atlas.normal(found.texel)).sum(axis=1), atol=1e-6
     )
     alone = observe(capture_of(cameras[1]), atlas, scene, read=lambda _: pictures["images/1.exr"])
     middle = alone.pairs(np.arange(len(atlas)))
@@ -263,7 +263,7 @@ def test_a_rendered_capture_is_registered(shared: Path) -> None:
     def unexplained(pattern: F64) -> float:
         """Share of the radiance's variance left by a fit, in each patch of normals, to the blend weights."""
         x = pattern[atlas.row[found.texel], atlas.col[found.texel]]
-        normal = atlas.normal[found.texel]
+        normal = atlas.normal(found.texel)
         patch = found.frame * 4096 + np.floor((normal + 1) * 7.99).astype(int) @ np.array([256, 16, 1])
         left = total = 0.0
         for number in np.unique(patch[found.cosine > 0.3]):

@@ -56,7 +56,7 @@ def few_sky_samples() -> Iterator[None]:
 def material_of(mesh: Mesh, representatives: np.ndarray, blend: object, resolution: int = 64) -> Material:
     basis: GenericBasis = paper()
     atlas = build_atlas(mesh, resolution)
-    index, weight = blend(atlas.position)  # type: ignore[operator]
+    index, weight = blend(atlas.position(slice(None)))  # type: ignore[operator]
     full = (resolution, resolution)
     found_index = np.zeros((*full, index.shape[1]), np.uint32)
     found_weight = np.zeros((*full, index.shape[1]), np.float32)

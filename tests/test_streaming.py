@@ -84,7 +84,7 @@ def test_a_detail_that_the_subset_missed_joins_it(tmp_path: Path, monkeypatch: p
 
     def spotted(*args: Any) -> dict[str, np.ndarray]:
         found = sampled(*args)
-        near = np.linalg.norm(args[2].position[found["texel"]] - middle, axis=1) < 0.2
+        near = np.linalg.norm(args[2].position(found["texel"]) - middle, axis=1) < 0.2
         found["radiance"][near] *= np.float32([6, 0.1, 0.1])
         return found
 
@@ -97,7 +97,7 @@ def test_a_detail_that_the_subset_missed_joins_it(tmp_path: Path, monkeypatch: p
     monkeypatch.setattr(subset, "ROUNDS", 0)
     blind = reconstruct(capture, options)
     assert found.solution.N > blind.solution.N and len(found.solution.weights) > len(blind.solution.weights)
-    spot = np.linalg.norm(found.observations.atlas.position - middle, axis=1) < 0.16
+    spot = np.linalg.norm(found.observations.atlas.position(slice(None)) - middle, axis=1) < 0.16
     spot &= found.observations.coverage > 0
     assert 10 < spot.sum() < 0.01 * len(spot)
     # Its texels are hardly a pixel wide, so that its rim is blurred on every photograph.

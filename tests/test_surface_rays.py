@@ -67,16 +67,17 @@ def centres(mesh: Mesh) -> Atlas:
     corners = mesh.vertices[mesh.faces]
     area = np.linalg.norm(mesh.crosses, axis=1) / 2
     atlas = points(corners.mean(axis=1), unit(mesh.crosses))
-    return replace(atlas, normal=unit(mesh.normals[mesh.faces].sum(axis=1)), face_footprint=area)
+    smooth = replace(atlas.mesh, normals=unit(mesh.normals[mesh.faces].sum(axis=1)))
+    return replace(atlas, mesh=smooth, face_footprint=area)
 
 
 def points(position: F64, normal: F64) -> Atlas:
-    """An atlas of given points, one row of texels."""
+    """An atlas of given points, one row of texels; each is a face of its own without extent."""
     count = len(position)
     number = np.arange(count, dtype=np.int32)
     normal = np.broadcast_to(normal, position.shape).astype(float)
-    zero = np.zeros(count, dtype=np.int32)
-    return Atlas(count, number[None], zero, number, number, position, normal, normal, np.ones(count))
+    mesh = Mesh(position, np.repeat(number[:, None], 3, axis=1), normal, np.zeros((count, 2)))
+    return Atlas(count, mesh, number[None], number, number, normal, np.ones(count))
 
 
 @pytest.mark.parametrize(("scale", "shift"), [(1.0, 0.0), (0.01, 0.5), (1000.0, 4e4)])
@@ -119,8 +120,8 @@ def test_a_sphere_is_seen_up_to_its_horizon(scale: float) -> None:
     atlas = centres(mesh)
     camera = camera_at(np.array([1.0, 2.0, 2.0]) * scale, focal=90)
     seen = sees(RayScene([mesh]), atlas, camera)
-    to_camera = unit(camera.position - atlas.position)
-    cosine = (atlas.position / scale * to_camera).sum(axis=1)
+    to_camera = unit(camera.position - atlas.position(slice(None)))
+    cosine = (atlas.position(slice(None)) / scale * to_camera).sum(axis=1)
     # 20,480 facets lean by up to 1.2 degrees against the sphere, which only matters near the horizon.
     assert seen[cosine > 0.06].all()
     assert not seen[cosine < 0.02].any()
@@ -132,7 +133,7 @@ def test_what_leaves_the_image_is_not_seen() -> None:
     camera = camera_at(np.array([0.0, 0.0, 3.0]), focal=600)
     seen = sees(RayScene([mesh]), atlas, camera)
     # The image is 2 / 600 * 100 / 2 = a sixth of a unit to each side at unit depth; a third at depth 2.
-    inside = np.abs(camera.project(atlas.position)[0] - 100).max(axis=1) < 100
+    inside = np.abs(camera.project(atlas.position(slice(None)))[0] - 100).max(axis=1) < 100
     assert seen.any() and not seen[~inside].any()
     barrel = camera_at(np.array([0.0, 0.0, 3.0]), focal=600, k1=-0.9)
     assert sees(RayScene([mesh]), atlas, barrel).sum() > seen.sum(), "a barrel lens shows more"
@@ -147,11 +148,11 @@ def test_occluders_block_sight_and_sky() -> None:
     assert not sees(scene, atlas, camera_at(np.array([0.0, 0.0, 5.0]))).any()
     assert sees(scene, atlas, camera_at(np.array([0.0, 0.0, -5.0]))).any()
     masks = sky_masks(scene, atlas, samples=1000)
-    top = int(np.argmax(atlas.normal[:, 2]))
+    top = int(np.argmax(atlas.normal(slice(None))[:, 2]))
     up = pixel_directions(64)[..., 2]
     visible = bits(masks.words[masks.of_texel[[top]]])[0]
     assert not visible[up > 0.2].any()
-    assert (masks.of_texel[atlas.normal[:, 2] < -0.999] == -1).all()
+    assert (masks.of_texel[atlas.normal(slice(None))[:, 2] < -0.999] == -1).all()
 
 
 def test_a_convex_object_needs_no_masks() -> None:
@@ -212,7 +213,7 @@ def test_sharing_masks_changes_irradiance_little(monkeypatch: pytest.MonkeyPatch
     whole = every_cell(scene, atlas, monkeypatch)
     direction = pixel_directions(64).reshape(-1, 3)
     chosen = np.random.default_rng(3).choice(len(atlas), 400, replace=False)
-    cosine = np.maximum(atlas.normal[chosen] @ direction.T, 0)
+    cosine = np.maximum(atlas.normal(chosen) @ direction.T, 0)
     found = []
     for masks in (sky_masks(scene, atlas, 1000), whole):
         words = np.concatenate([masks.words, np.full((1, 64), 2**64 - 1, np.uint64)])

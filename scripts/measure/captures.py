@@ -83,7 +83,7 @@ def breakdown(material_folder: Path, renders: Path, test: Path) -> dict[str, flo
     scene = RelitScene.of(material)
     atlas = build_atlas(scene.mesh, material.coverage.shape[0])
     unseen_texel = material.coverage[atlas.row, atlas.col] == 0
-    shut_in_texel = hidden_share(scene, atlas.normal) > SHUT_IN
+    shut_in_texel = hidden_share(scene, atlas.normal(slice(None))) > SHUT_IN
     sums = {name: np.zeros(3) for name in ("all", "unseen", "seen", "shut_in", "open")}
     for frame in read_capture(test).frames:
         photograph = read_photograph(frame)

@@ -58,7 +58,7 @@ def measure(folder: Path) -> list[dict[str, Any]]:
     directions = pixel_directions(64).reshape(-1, 3)
     light = environment.rotated(turn).lookup(directions).astype(np.float64)
     texel = np.random.default_rng(0).choice(len(atlas), TEXELS, replace=False)
-    cosine = np.maximum(atlas.normal[texel] @ directions.T, 0)
+    cosine = np.maximum(atlas.normal(texel) @ directions.T, 0)
     wanted = irradiance(truth(scene, atlas, texel), np.arange(TEXELS), cosine, light)
     rows = []
     for samples in SAMPLES:

@@ -4,7 +4,7 @@
 
 from swatchwork.capture.camera import Camera, rigid
 from swatchwork.capture.capture import CONVENTIONS, Capture, EnvironmentSource, Frame
-from swatchwork.capture.exr import read_exr_channels, write_exr, write_exr_channels
+from swatchwork.capture.exr import exr_in_bands, read_exr_channels, write_exr, write_exr_channels
 from swatchwork.capture.images import IMAGE_SUFFIXES, Image, linear_from_srgb, read_image, write_png
 from swatchwork.capture.photograph import Photograph, check_radiance, read_mask, read_photograph
 from swatchwork.capture.transforms import read_capture
@@ -20,6 +20,7 @@ __all__ = [
     "Image",
     "Photograph",
     "check_radiance",
+    "exr_in_bands",
     "linear_from_srgb",
     "read_capture",
     "read_exr_channels",

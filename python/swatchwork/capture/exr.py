@@ -4,18 +4,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, redirect_stdout
 from io import StringIO
 from pathlib import Path
 from typing import Any
 
+import Imath
 import numpy as np
 import numpy.typing as npt
 import OpenEXR
 
 from swatchwork.arrays import Float
 from swatchwork.errors import InputError, OutputError
+
+PIXEL_TYPES = {
+    "float16": Imath.PixelType.HALF,
+    "float32": Imath.PixelType.FLOAT,
+    "uint32": Imath.PixelType.UINT,
+}
 
 Channels = dict[str, npt.NDArray[Any]]
 
@@ -67,6 +74,38 @@ def write_exr_channels(path: Path, channels: Mapping[str, npt.NDArray[Any]]) -> 
     try:
         with OpenEXR.File(header, {name: np.ascontiguousarray(c) for name, c in channels.items()}) as file:
             file.write(str(path))
+    except (OSError, RuntimeError) as error:
+        raise OutputError(f"{path}: cannot be written ({error})") from error
+
+
+@contextmanager
+def exr_in_bands(
+    path: Path, width: int, height: int, types: Mapping[str, npt.DTypeLike]
+) -> Iterator[Callable[[Channels], None]]:
+    """A function that writes the next rows of an image, [h, width] a channel, so that it is never held whole.
+
+    ``types``: float16, float32 or uint32 of each channel. Losslessly compressed.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    header = OpenEXR.Header(width, height)
+    header["compression"] = Imath.Compression(Imath.Compression.ZIP_COMPRESSION)
+    kinds = {name: np.dtype(of) for name, of in types.items()}
+    header["channels"] = {
+        name: Imath.Channel(Imath.PixelType(PIXEL_TYPES[kind.name])) for name, kind in kinds.items()
+    }
+    try:
+        file = OpenEXR.OutputFile(str(path), header)
+        try:
+
+            def write(rows: Channels) -> None:
+                stored = {name: rows[name].astype(kind).tobytes() for name, kind in kinds.items()}
+                file.writePixels(stored, len(next(iter(rows.values()))))
+
+            yield write
+        finally:
+            file.close()
     except (OSError, RuntimeError) as error:
         raise OutputError(f"{path}: cannot be written ({error})") from error
 

@@ -11,7 +11,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict
 from os import PathLike
 from pathlib import Path
@@ -19,14 +19,17 @@ from typing import Any
 
 import numpy as np
 
-from ..capture import read_exr_channels, write_exr, write_exr_channels
+from ..capture import exr_in_bands, read_exr_channels
 from ..errors import InputError, OutputError
-from .maps import material_maps
+from ..keeping import Array
+from .maps import maps_in_bands
 from .material import BasisRecord, Material
 from .obj import read_obj, write_obj
 
 FORMAT = "swatchwork-material"
 SCHEMA_VERSION = 1
+ROWS = 64
+"""Of an image, written at once."""
 
 
 def write_material(
@@ -199,23 +202,32 @@ def _sync(path: Path) -> None:
 
 
 def _write_blend(path: Path, m: Material) -> None:
-    channels: dict[str, np.ndarray] = {}
-    for i in range(m.n):
-        channels[f"index.{i}"] = m.index[..., i].astype(np.uint32)
-        channels[f"weight.{i}"] = m.weight[..., i].astype(np.float32)
-    # EXR has no signed integers: coverage is stored plus 1, so that 0 is off the atlas.
-    channels["coverage"] = (m.coverage.astype(np.int64) + 1).astype(np.uint32)
-    channels["residual"] = m.residual.astype(np.float32)
-    write_exr_channels(path, channels)
+    height, width = m.coverage.shape
+    types = {f"index.{i}": np.uint32 for i in range(m.n)} | {f"weight.{i}": np.float32 for i in range(m.n)}
+    with exr_in_bands(path, width, height, types | {"coverage": np.uint32, "residual": np.float32}) as write:
+        for start in range(0, height, ROWS):
+            rows = slice(start, start + ROWS)
+            channels: dict[str, Array] = {f"index.{i}": m.index[rows, :, i] for i in range(m.n)}
+            channels |= {f"weight.{i}": m.weight[rows, :, i] for i in range(m.n)}
+            # EXR has no signed integers: coverage is stored plus 1, so that 0 is off the atlas.
+            channels["coverage"] = m.coverage[rows].astype(np.int64) + 1
+            channels["residual"] = m.residual[rows]
+            write(channels)
 
 
 def _write_maps(folder: Path, m: Material) -> None:
     folder.mkdir()
-    for name, pixels in vars(material_maps(m)).items():
-        if pixels.ndim == 3:
-            write_exr(folder / f"{name}.exr", pixels)
-        else:
-            write_exr_channels(folder / f"{name}.exr", {"Y": pixels.astype(np.float32)})
+    height, width = m.coverage.shape
+    files: dict[str, Callable[[dict[str, Array]], None]] = {}
+    with ExitStack() as opened:
+        for maps in maps_in_bands(m):
+            for name, pixels in vars(maps).items():
+                bands = {"RGB"[i]: pixels[..., i] for i in range(3)} if pixels.ndim == 3 else {"Y": pixels}
+                if name not in files:
+                    types = dict.fromkeys(bands, np.float32)
+                    file = exr_in_bands(folder / f"{name}.exr", width, height, types)
+                    files[name] = opened.enter_context(file)
+                files[name](bands)
 
 
 def _as_json(m: Material) -> str:

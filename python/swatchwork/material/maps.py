@@ -23,11 +23,12 @@ and tau are 0 where nothing is specular, the residual where nothing was measured
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import F32, F64, I32
+from ..arrays import F32, F64, I32, Bool
 from ..errors import InputError
 from .material import BasisRecord, Material
 
@@ -51,6 +52,12 @@ class MaterialMaps:
 
 def material_maps(material: Material) -> MaterialMaps:
     """All maps of a material (definitions at the top of this file)."""
+    parts = [vars(band) for band in maps_in_bands(material)]
+    return MaterialMaps(**{name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
+
+
+def maps_in_bands(material: Material) -> Iterator[MaterialMaps]:
+    """The maps of some rows, then those of the next, so that a large atlas is never held in 64 bits."""
     m, basis = material, material.basis
     lobes, albedo = basis.lobes, normal_albedo(basis)
     first = len(lobes)
@@ -63,33 +70,31 @@ def material_maps(material: Material) -> MaterialMaps:
 
     energy, sigmas = luminance * 2 / ((power + 1) * (power + 2)), np.array([sigma for *_, sigma in lobes])
     at_normal, at_grazing = c1.sum(axis=-1), c0.sum(axis=-1)
-    size = m.coverage.shape
-    found = MaterialMaps(
-        diffuse=np.zeros((*size, 3), np.float32),
-        specular=np.zeros((*size, 3), np.float32),
-        roughness=np.zeros(size, np.float32),
-        tau=np.zeros(size, np.float32),
-        residual=np.zeros(size, np.float32),
-        coverage=m.coverage,
-        confidence=np.zeros(size, np.float32),
-    )
-    # In bands, so that indices and weights of the whole atlas are never held in 64 bits.
-    band = max(1, CHUNK // size[1])
-    for start in range(0, size[0], band):
+    height, width = m.coverage.shape
+    band = max(1, CHUNK // width)
+    for start in range(0, height, band):
         rows = slice(start, start + band)
         atlas, residual = m.coverage[rows] >= 0, m.residual[rows].astype(np.float64)
+        residual = np.where(atlas & np.isfinite(residual), residual, 0)
         index, weight = m.index[rows][atlas].astype(np.int64), m.weight[rows][atlas].astype(np.float64)
-        found.diffuse[rows][atlas] = blended(diffuse, index, weight)
-        found.specular[rows][atlas] = blended(specular, index, weight)
-        found.roughness[rows][atlas] = _fitted_roughness(energy, sigmas, index, weight)
         normal = blended(at_normal, index, weight)
         total = normal + blended(at_grazing, index, weight)
-        found.tau[rows][atlas] = np.where(total > 0, normal / np.where(total > 0, total, 1), 0)
-        residual = np.where(atlas & np.isfinite(residual), residual, 0)
-        found.residual[rows] = residual
         views = np.maximum(m.coverage[rows], 0)
-        found.confidence[rows] = views / (views + 2.0) / (1 + (residual / 0.1) ** 2)
-    return found
+
+        def on_atlas(values: F64, atlas: Bool = atlas) -> F32:
+            image = np.zeros((*atlas.shape, *values.shape[1:]), dtype=np.float32)
+            image[atlas] = values
+            return image
+
+        yield MaterialMaps(
+            diffuse=on_atlas(blended(diffuse, index, weight)),
+            specular=on_atlas(blended(specular, index, weight)),
+            roughness=on_atlas(_fitted_roughness(energy, sigmas, index, weight)),
+            tau=on_atlas(np.where(total > 0, normal / np.where(total > 0, total, 1), 0)),
+            residual=residual.astype(np.float32),
+            coverage=m.coverage[rows],
+            confidence=(views / (views + 2.0) / (1 + (residual / 0.1) ** 2)).astype(np.float32),
+        )
 
 
 def blended(per_representative: F64, index: np.ndarray, weight: F64) -> F64:

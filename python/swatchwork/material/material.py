@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import F32, F64, I32, U32
+from ..arrays import F32, F64, I32, U8, U32, Bool
 from ..errors import InputError
 
 WEIGHT_SUM_TOLERANCE = 1e-4
@@ -58,7 +58,7 @@ class Material:
 
     basis: BasisRecord
     representatives: F64  # [N, J, 3]
-    index: U32  # [H, W, n]
+    index: U8 | U32  # [H, W, n]
     weight: F32  # [H, W, n], sums to 1 on the atlas
     coverage: I32  # [H, W]
     residual: F32  # [H, W], |s_hat - s| / |s_hat|; NaN where not measured
@@ -83,7 +83,7 @@ class Material:
         return int(self.representatives.shape[0])
 
     @property
-    def on_atlas(self) -> np.ndarray:
+    def on_atlas(self) -> Bool:
         """Bool[H, W]: pixels that are texels of the surface."""
         return self.coverage >= 0
 
@@ -98,31 +98,31 @@ class Material:
     def check(self, file: str | PathLike[str] | None = None) -> None:
         """Raise InputError, naming ``file``, where the parts disagree or break a constraint of Eq. 3 or 7."""
         _check_shapes(self, file)
-        atlas = self.on_atlas
         if not (np.isfinite(self.representatives).all() and (self.representatives >= 0).all()):
             raise InputError(
                 "a representative has a negative or non-finite weight", file=file, expected="0 or more"
             )
-        if (self.index >= self.N).any():
-            raise InputError(
-                f"blend index {int(self.index.max())}",
-                file=file,
-                expected=f"0 to {self.N - 1}, there are N={self.N}",
-            )
-        # Off the atlas the blend is padding for filters, or nothing at all.
-        used = self.weight[atlas].astype(np.float64)
-        if not np.isfinite(used).all() or (used < -WEIGHT_SUM_TOLERANCE).any():
-            raise InputError(
-                "a blend weight is negative or not finite", file=file, expected="weights in [0, 1]"
-            )
-        off = np.abs(used.sum(axis=-1) - 1)
-        if off.size and off.max() > WEIGHT_SUM_TOLERANCE:
-            row, column = np.argwhere(atlas)[int(off.argmax())]
-            raise InputError(
-                f"the blend weights at row {row}, column {column} sum to {used[int(off.argmax())].sum():.6g}",
-                file=file,
-                expected="1",
-            )
+        for row, (here, index, weight) in enumerate(zip(self.on_atlas, self.index, self.weight, strict=True)):
+            # Off the atlas the blend is padding for filters, or nothing at all; still it must name something.
+            if (index >= self.N).any():
+                raise InputError(
+                    f"blend index {int(index.max())}",
+                    file=file,
+                    expected=f"0 to {self.N - 1}, there are N={self.N}",
+                )
+            sums = weight.sum(axis=-1, dtype=np.float64)
+            if not np.isfinite(sums[here]).all() or (weight[here] < -WEIGHT_SUM_TOLERANCE).any():
+                raise InputError(
+                    "a blend weight is negative or not finite", file=file, expected="weights in [0, 1]"
+                )
+            off = np.where(here, np.abs(sums - 1), 0)
+            if off.max() > WEIGHT_SUM_TOLERANCE:
+                column = int(off.argmax())
+                raise InputError(
+                    f"the blend weights at row {row}, column {column} sum to {sums[column]:.6g}",
+                    file=file,
+                    expected="1",
+                )
 
 
 def _check_shapes(m: Material, file: str | PathLike[str] | None) -> None:

@@ -35,8 +35,8 @@ class SeenPairs:
     """The P visible (texel, view) pairs of some texels, ordered by texel, then frame.
 
     ``texels`` I64[T]; those of texel t are ``offsets[t]:offsets[t + 1]``, I64[T + 1]. ``texel`` I64[P] in the
-    atlas; ``frame`` I32[P]; ``radiance`` F32[P, 3], not premultiplied; ``to_viewer`` F32[P, 3], unit, world;
-    ``cosine`` F32[P], shading normal with viewer.
+    atlas; ``frame`` I32[P]; ``radiance`` F32[P, 3], not premultiplied; ``normal``, of shading, and
+    ``to_viewer`` F32[P, 3], unit, world; ``cosine`` F32[P] between the two.
     """
 
     texels: I64
@@ -44,6 +44,7 @@ class SeenPairs:
     texel: I64
     frame: I32
     radiance: F32
+    normal: F32
     to_viewer: F32
     cosine: F32
 
@@ -97,16 +98,17 @@ class Observations:
         at = np.concatenate(places)
         order = np.argsort(at, kind="stable")
         at, frame_of = at[order], np.concatenate(frames)[order]
-        texel = texels[at]
-        to_viewer = unit(self.viewer[frame_of] - self.atlas.position[texel])
+        position, normal = (of_texel[at] for of_texel in self.atlas.points(texels))
+        to_viewer = unit(self.viewer[frame_of] - position)
         return SeenPairs(
             texels=texels,
             offsets=np.concatenate([[0], np.cumsum(np.bincount(at, minlength=len(texels)))]).astype(np.int64),
-            texel=texel,
+            texel=texels[at],
             frame=frame_of,
             radiance=np.concatenate(radiances)[order],
+            normal=normal,
             to_viewer=to_viewer.astype(np.float32),
-            cosine=dot(to_viewer, self.atlas.normal[texel]).astype(np.float32),
+            cosine=dot(to_viewer, normal).astype(np.float32),
         )
 
     @cached_property

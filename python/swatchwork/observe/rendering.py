@@ -29,6 +29,8 @@ from ..surface import SkyMasks, turned
 from .observations import Observations, SeenPairs
 
 Weighting = Literal["projected", "equal"]
+COUNTED = 1 << 18
+"""Texels whose pairs are counted at once."""
 
 
 @dataclass(frozen=True)
@@ -132,12 +134,20 @@ class Rendering:
         count = len(representatives)
         return self._each(pairs, count, lambda *a: representative_responses(basis, representatives, *a))
 
-    def tiles(self, texels: I64, pairs_at_once: int) -> list[I64]:
+    def tiles(self, texels: I64, pairs_at_once: int) -> Iterator[I64]:
         """``texels`` cut into runs that have about ``pairs_at_once`` pairs each."""
-        counts = np.cumsum(self.observations.coverage[texels], dtype=np.int64)
-        total = int(counts[-1]) if len(counts) else 0
-        cuts = np.searchsorted(counts, np.arange(pairs_at_once, total, pairs_at_once), side="right")
-        return [tile for tile in np.split(texels, np.unique(cuts)) if len(tile)]
+        first, before = 0, 0
+        for start in range(0, len(texels), COUNTED):
+            part = texels[start : start + COUNTED]
+            counts = before + np.cumsum(self.observations.coverage[part], dtype=np.int64)
+            full = np.arange(-(-before // pairs_at_once), (int(counts[-1]) - 1) // pairs_at_once + 1)
+            for cut in start + np.unique(np.searchsorted(counts, full * pairs_at_once, side="right")):
+                if cut > first:
+                    yield texels[first:cut]
+                    first = cut
+            before = int(counts[-1])
+        if first < len(texels):
+            yield texels[first:]
 
     def relative_error(self, pairs: Pairs, squared_error: F64) -> F64:
         """|s_hat - s| / |s_hat| [T] of texels, from |s_hat - s|^2; near-black ones count as dark grey."""
@@ -148,7 +158,6 @@ class Rendering:
 
     def _each(self, pairs: Pairs, columns: int, responses: Callable[..., F32]) -> F32:
         seen, sky = pairs.seen, self.sky
-        normal = self.observations.atlas.normal[seen.texel]
         row = sky.of_texel[seen.texel]
         out: F32 | None = None
         for environment, turn, frames in self._groups:
@@ -156,7 +165,7 @@ class Rendering:
             if not len(here):
                 continue
             whole = len(here) == len(seen)
-            n, o = (a if whole else a[here] for a in (normal, seen.to_viewer))
+            n, o = (a if whole else a[here] for a in (seen.normal, seen.to_viewer))
             rows: I32 = row if whole else row[here]
             words = sky.words
             if not _still(turn):

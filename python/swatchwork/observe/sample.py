@@ -95,7 +95,7 @@ class _Patch:
 
 
 def _patch(atlas: Atlas, texel: I64, camera: Camera) -> _Patch:
-    x, normal, viewer = atlas.position[texel], atlas.geometric_normal(texel), camera.position
+    x, normal, viewer = atlas.position(texel), atlas.geometric_normal(texel), camera.position
     to_viewer = viewer - x
     distance = norm(to_viewer)
     pixel = distance / np.sqrt(camera.fx * camera.fy)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import F32, F64, I32, I64, U32
+from ..arrays import F32, F64, I32, I64, U8, U32
 from ..errors import InputError
 from ..material import Material
 from ..progress import SILENT, Progress
@@ -31,7 +31,7 @@ class RelitScene:
     """[N, J, 3]"""
     texel_of_pixel: I32
     """[H, W]: the texel at each atlas pixel, in the gutter the nearest one."""
-    index: U32
+    index: U8 | U32
     """[M, n]"""
     weight: F32
     """[M, n]"""
@@ -51,7 +51,7 @@ class RelitScene:
         if height != width:
             raise InputError(f"the atlas is {width} x {height}", expected="a square one")
         atlas = build_atlas(mesh, height)
-        if not material.on_atlas[atlas.row, atlas.col].all():
+        if not material.on_atlas.ravel()[atlas.pixel].all():
             raise InputError(
                 "the blend does not cover the mesh's texels",
                 expected="blend.exr and the mesh of one reconstruction",
@@ -70,8 +70,8 @@ class RelitScene:
             ),
             representatives=material.representatives,
             texel_of_pixel=padded(atlas),
-            index=material.index[atlas.row, atlas.col],
-            weight=material.weight[atlas.row, atlas.col],
+            index=material.index.reshape(-1, material.n)[atlas.pixel],
+            weight=material.weight.reshape(-1, material.n)[atlas.pixel],
             sky=sky_masks(rays, atlas, SKY_SAMPLES, progress),
         )
 

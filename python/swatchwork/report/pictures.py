@@ -83,7 +83,7 @@ def relative_error(rendered: Float, reference: Float, mask: Bool) -> F64:
     return np.where(mask, difference / max(float(scale), 1e-12), 0.0)
 
 
-def blend_colours(index: U32, weight: Float, count: int) -> U8:
+def blend_colours(index: U8 | U32, weight: Float, count: int) -> U8:
     """The blend [H, W, n] as a map [H, W, 4]: each representative's colour times its weight."""
     colours = palette(count)[np.minimum(np.asarray(index, dtype=np.int64), count - 1)]
     total = weight.sum(axis=-1)

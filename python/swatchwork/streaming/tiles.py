@@ -10,20 +10,24 @@ from functools import partial
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..arrays import F32, I64, U32
+from ..arrays import F32, I64, U8
 from ..keeping import IN_MEMORY, Array, Keeper
 from ..observe import Rendering
 from ..progress import SILENT, Progress
 from ..reflectance import GenericBasis
 from ..solve import Search, Solution, sparse_blend
+from ..surface import Atlas, each_of
 from .budget import Budget
+
+MANY = 1 << 20
+"""Seen texels that an unseen one's nearest is looked for among: a larger atlas is thinned, to save memory."""
 
 
 @dataclass(frozen=True)
 class TexelBlend:
     """The blend of M texels; one that no view sees takes that of the nearest seen."""
 
-    index: U32
+    index: U8
     """[M, n] representatives blended at each texel."""
     weight: F32
     """[M, n] their weights; they sum to 1."""
@@ -47,7 +51,7 @@ def blend_every_texel(
     """
     observations, n = rendering.observations, solution.n
     M = len(observations.coverage)
-    index, weight = np.zeros((M, n), dtype=np.uint32), np.zeros((M, n), dtype=np.float32)
+    index, weight = np.zeros((M, n), dtype=np.uint8), np.zeros((M, n), dtype=np.float32)
     residual = np.full(M, np.nan, dtype=np.float32)
     seen = observations.seen
     pairs_at_once = (budget or Budget()).tile(solution.N)
@@ -60,10 +64,22 @@ def blend_every_texel(
             task.advance(len(tile))
     unseen = np.flatnonzero(observations.coverage == 0)
     if len(unseen):
-        position = observations.atlas.position
-        nearest = seen[cKDTree(position[seen]).query(position[unseen], workers=-1)[1]]
+        nearest = _nearest(observations.atlas, seen, unseen)
         index[unseen], weight[unseen] = index[nearest], weight[nearest]
     return TexelBlend(index, weight, residual)
+
+
+def _nearest(atlas: Atlas, seen: I64, unseen: I64) -> I64:
+    """The seen texel nearest to each unseen one, among MANY of them."""
+    among = seen[:: -(-len(seen) // MANY)]
+    tree = cKDTree(atlas.position(among))
+    found = np.empty(len(unseen), dtype=np.int64)
+
+    def fill(part: slice) -> None:
+        found[part] = among[tree.query(atlas.position(unseen[part]))[1]]
+
+    each_of(fill, len(unseen))
+    return found
 
 
 def blend_tile(

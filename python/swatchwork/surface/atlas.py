@@ -6,11 +6,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
-from swatchwork.arrays import F32, F64, I32, I64, unit
+from swatchwork.arrays import F32, F64, I32, I64, norm, unit
 from swatchwork.capture import Camera
 from swatchwork.errors import InputError
 from swatchwork.surface.mesh import Mesh
@@ -19,30 +20,60 @@ from swatchwork.surface.raster import barycentric, covered_centres
 # Share of the UV square that charts of an xatlas packing typically fill.
 PACKING = 0.6
 CHUNK = 1 << 18
-"""Texels whose corners are gathered at once: 40 MB."""
+"""Texels that are rasterised at once, about: 30 MB."""
 
 
 @dataclass(frozen=True)
 class Atlas:
     """M texels of a square atlas, ordered by row, then column; row 0 is v = 1.
 
-    ``texel_at`` I32[H, W], the texel's number or -1; ``row``, ``col``, ``face`` I32[M]; ``position``
-    F64[M, 3]; ``normal`` F32[M, 3], unit, shading; ``face_normal`` F64[F, 3], unit; ``face_footprint``
-    F64[F], area of surface in a texel of each face (world units squared). A texel takes 48 bytes, a pixel 4.
+    ``texel_at`` I32[H, W], the texel's number or -1; ``pixel`` I32[M], row * W + column; ``face`` I32[M];
+    ``face_normal`` F64[F, 3], unit; ``face_footprint`` F64[F], area of surface in a texel of each face
+    (world units squared). A texel takes 8 bytes and a pixel 4: where texels lie is computed when asked.
     """
 
     resolution: int
+    mesh: Mesh
     texel_at: I32
-    row: I32
-    col: I32
+    pixel: I32
     face: I32
-    position: F64
-    normal: F32
     face_normal: F64
     face_footprint: F64
 
     def __len__(self) -> int:
-        return len(self.row)
+        return len(self.pixel)
+
+    @property
+    def row(self) -> I32:
+        """[M]"""
+        return np.asarray(self.pixel // self.resolution)
+
+    @property
+    def col(self) -> I32:
+        """[M]"""
+        return np.asarray(self.pixel % self.resolution)
+
+    def points(self, texel: I64 | slice) -> tuple[F64, F32]:
+        """Positions [T, 3] in the world and unit shading normals [T, 3] of texels [T]."""
+        mesh, face, pixel = self.mesh, self.face[texel], self.pixel[texel]
+        assert mesh.uv is not None, "the atlas was made from them"
+        row, col = np.divmod(pixel, self.resolution)
+        centre = np.stack([(col + 0.5) / self.resolution, 1 - (row + 0.5) / self.resolution], axis=1)
+        bary = barycentric(mesh.uv, mesh.faces, face, centre)
+        corners = mesh.faces[face]
+        position = np.einsum("pc,pcx->px", bary, mesh.vertices[corners])
+        smooth = unit(np.einsum("pc,pcx->px", bary, mesh.normals[corners]))
+        # Opposite vertex normals may cancel in the middle of a triangle.
+        whole = norm(smooth) > 0.5
+        return position, np.where(whole[:, None], smooth, self.face_normal[face]).astype(np.float32)
+
+    def position(self, texel: I64 | slice) -> F64:
+        """Positions [T, 3] of texels [T] in the world."""
+        return self.points(texel)[0]
+
+    def normal(self, texel: I64 | slice) -> F32:
+        """Unit shading normals [T, 3] of texels [T]."""
+        return self.points(texel)[1]
 
     def geometric_normal(self, texel: I64 | slice) -> F64:
         """Unit normals [T, 3] of the triangles that texels [T] lie in."""
@@ -65,41 +96,44 @@ def build_atlas(mesh: Mesh, resolution: int) -> Atlas:
         )
     if resolution < 1:
         raise InputError(f"atlas resolution is {resolution}", expected="at least 1")
-    face, row, col = covered_centres(mesh.uv, mesh.faces, resolution)
-    # Overlaps are the caller's to judge (uv_problem); the first face keeps a texel that two want.
-    pixel, kept = np.unique(row * resolution + col, return_index=True)
+    flat_areas = uv_doubled_areas(mesh)
+    at = _first_face_at(mesh.uv, mesh.faces, flat_areas / 2, resolution)
+    pixel = np.flatnonzero(at >= 0).astype(np.int32)
     if not len(pixel):
         raise InputError(
             "no texel lies on the surface", expected="UVs inside [0, 1]", hint="Raise --resolution."
         )
-    face, row, col = face[kept], row[kept], col[kept]
-    texel_at = np.full(resolution * resolution, -1, dtype=np.int32)
-    texel_at[pixel] = np.arange(len(pixel), dtype=np.int32)
+    face = at[pixel]
+    # The image of faces becomes that of texels.
+    at[pixel] = np.arange(len(pixel), dtype=np.int32)
     cross = mesh.crosses
-    flat = unit(cross)
-    position, normal = np.empty((len(face), 3)), np.empty((len(face), 3), dtype=np.float32)
-    for start in range(0, len(face), CHUNK):
-        part = slice(start, start + CHUNK)
-        centre = np.stack([(col[part] + 0.5) / resolution, 1 - (row[part] + 0.5) / resolution], axis=1)
-        bary = barycentric(mesh.uv, mesh.faces, face[part], centre)
-        corners = mesh.faces[face[part]]
-        position[part] = np.einsum("pc,pcx->px", bary, mesh.vertices[corners])
-        smooth = unit(np.einsum("pc,pcx->px", bary, mesh.normals[corners]))
-        # Opposite vertex normals may cancel in the middle of a triangle.
-        whole = np.linalg.norm(smooth, axis=1, keepdims=True) > 0.5
-        normal[part] = np.where(whole, smooth, flat[face[part]])
-    stretch = np.linalg.norm(cross, axis=1) / np.maximum(uv_doubled_areas(mesh), 1e-300)
+    stretch = np.linalg.norm(cross, axis=1) / np.maximum(flat_areas, 1e-300)
     return Atlas(
         resolution=resolution,
-        texel_at=texel_at.reshape(resolution, resolution),
-        row=row.astype(np.int32),
-        col=col.astype(np.int32),
-        face=face.astype(np.int32),
-        position=position,
-        normal=normal,
-        face_normal=flat,
+        mesh=mesh,
+        texel_at=at.reshape(resolution, resolution),
+        pixel=pixel,
+        face=face,
+        face_normal=unit(cross),
         face_footprint=stretch / resolution**2,
     )
+
+
+def _first_face_at(uv: F64, faces: I32, area: F64, resolution: int) -> I32:
+    """I32[H * W]: the first face that holds each texel's centre, or -1.
+
+    Overlaps are the caller's to judge (uv_problem).
+    """
+    at = np.full(resolution * resolution, -1, dtype=np.int32)
+    texels = np.cumsum(area) * resolution**2
+    cuts = np.unique(np.searchsorted(texels, np.arange(CHUNK, texels[-1], CHUNK)))
+    for first, last in pairwise([0, *cuts, len(faces)]):
+        face, row, col = covered_centres(uv, faces[first:last], resolution)
+        pixel = row * resolution + col
+        free = at[pixel] < 0
+        # Of repeated places the last is kept.
+        at[pixel[free][::-1]] = face[free][::-1] + first
+    return at
 
 
 def uv_doubled_areas(mesh: Mesh) -> F64:

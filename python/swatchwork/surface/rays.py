@@ -150,14 +150,15 @@ def sees(scene: RayScene, atlas: Atlas, camera: Camera) -> Bool:
 
     def look(part: slice) -> None:
         texel = np.arange(part.start, min(part.stop, len(atlas)))
-        to_camera = camera.position - atlas.position[texel]
-        facing = dot(atlas.normal[texel], to_camera) > GRAZING * norm(to_camera)
+        position, normal = atlas.points(texel)
+        to_camera = camera.position - position
+        facing = dot(normal, to_camera) > GRAZING * norm(to_camera)
         flat = atlas.geometric_normal(texel)
         facing &= dot(flat, to_camera) > 0
-        uv_px, depth = camera.project(atlas.position[texel[facing]])
+        uv_px, depth = camera.project(position[facing])
         inside = (uv_px >= 0).all(axis=1) & (uv_px < (camera.width, camera.height)).all(axis=1) & (depth > 0)
         facing[facing] = inside
-        origin = atlas.position[texel[facing]] + scene.epsilon * flat[facing]
+        origin = position[facing] + scene.epsilon * flat[facing]
         # A direction as long as the segment: the camera is at t = 1.
         hidden = scene.cast(origin, camera.position - origin, np.ones(len(origin)), "OCCLUDED") >= 0
         seen[texel[facing]] = ~hidden

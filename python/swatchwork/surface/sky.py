@@ -24,6 +24,8 @@ SIZE = 64
 # with 64,000; spot 0.51 % (1.7 s) and 0.15 % (7 s). No masks at all: 3.0 and 10.5 %. The other 5 % of texels
 # lie at contacts and creases.
 SAMPLES = 64_000
+# Texels that a sample is chosen from, at least, where there are as many: a large atlas is thinned to them.
+CANDIDATES = 8
 # Samples of the first level are traced in every cell; each further level has this many times as many, and is
 # traced only where its neighbours of the levels before disagree.
 FIRST_LEVEL = 2000
@@ -61,7 +63,7 @@ def sky_masks(scene: RayScene, atlas: Atlas, samples: int = SAMPLES, progress: P
     """
     chosen = _spread_samples(atlas, samples)
     owner = _nearest(scene, atlas, chosen)
-    astray = np.flatnonzero(dot(atlas.normal, atlas.normal[chosen[owner]]) < COMPATIBLE)
+    astray = _astray(atlas, chosen, owner)
     if len(astray):
         further = astray[:: max(1, 4 * len(astray) // max(samples, 1))]
         chosen = np.concatenate([chosen, np.setdiff1d(further, chosen)])
@@ -69,39 +71,55 @@ def sky_masks(scene: RayScene, atlas: Atlas, samples: int = SAMPLES, progress: P
     words = _traced(scene, atlas, chosen, progress)
     hides = ~(words == np.uint64(0xFFFFFFFFFFFFFFFF)).all(axis=1)
     row = np.where(hides, np.cumsum(hides) - 1, -1)
-    return SkyMasks(words[hides], row[owner].astype(np.int32))
+    return SkyMasks(words[hides], row.astype(np.int32)[owner])
 
 
 def _spread_samples(atlas: Atlas, samples: int) -> I64:
     """Texels at equal steps of area along a space-filling (Morton) curve over the surface, in its order."""
-    low, high = atlas.position.min(axis=0), atlas.position.max(axis=0)
-    cell = np.minimum((atlas.position - low) / max((high - low).max(), 1e-300) * 1024, 1023).astype(np.int64)
+    # Of a large atlas, every so many-th texel may be chosen.
+    texel = np.arange(0, len(atlas), max(1, len(atlas) // (CANDIDATES * max(samples, 1))))
+    position, normal = atlas.points(texel)
+    low, high = position.min(axis=0), position.max(axis=0)
+    cell = np.minimum((position - low) / max((high - low).max(), 1e-300) * 1024, 1023).astype(np.int32)
     # Opposite sides of a thin wall fall into one cell: keep them apart by the octant of the normal.
-    octant = (atlas.normal > 0) @ np.array([1, 2, 4])
-    key = np.zeros(len(atlas), dtype=np.int64)
+    key = ((normal > 0) @ np.array([1, 2, 4], dtype=np.int64)) << 30
     for bit in range(10):
         for axis in range(3):
-            key |= ((cell[:, axis] >> bit) & 1) << (3 * bit + axis)
-    order = np.argsort(key | (octant << 30), kind="stable")
+            key |= ((cell[:, axis] >> bit) & 1).astype(np.int64) << (3 * bit + axis)
+    order = np.argsort(key, kind="stable")
     if samples >= len(atlas):
         return np.asarray(order, dtype=np.int64)
-    area = np.cumsum(atlas.footprint(order))
+    area = np.cumsum(atlas.footprint(texel[order]))
     steps = (np.arange(samples) + 0.5) / samples * area[-1]
-    return np.asarray(order[np.unique(np.minimum(np.searchsorted(area, steps), len(order) - 1))], np.int64)
+    return np.asarray(texel[order[np.unique(np.minimum(np.searchsorted(area, steps), len(order) - 1))]])
 
 
-def _nearest(scene: RayScene, atlas: Atlas, chosen: I64) -> I64:
+def _nearest(scene: RayScene, atlas: Atlas, chosen: I64) -> I32:
     """[M]: which of the chosen texels is nearest to each texel, in position and normal."""
+    found = np.empty(len(atlas), dtype=np.int32)
     if len(chosen) == len(atlas):
-        return np.argsort(chosen)
+        found[chosen] = np.arange(len(chosen))
+        return found
     tree = cKDTree(_places(scene, atlas, chosen))
-    # Approximate to 20 % in distance: twice as fast, and as good a neighbour.
-    parts = each_of(lambda part: tree.query(_places(scene, atlas, part), eps=0.2)[1], len(atlas))
-    return np.concatenate(parts).astype(np.int64)
+
+    def fill(part: slice) -> None:
+        # Approximate to 20 % in distance: twice as fast, and as good a neighbour.
+        found[part] = tree.query(_places(scene, atlas, part), eps=0.2)[1]
+
+    each_of(fill, len(atlas))
+    return found
+
+
+def _astray(atlas: Atlas, chosen: I64, owner: I32) -> I64:
+    """Texels whose normal is far from their sample's."""
+    normal = atlas.normal(chosen)
+    parts = each_of(lambda part: dot(atlas.normal(part), normal[owner[part]]) < COMPATIBLE, len(atlas))
+    return np.flatnonzero(np.concatenate(parts))
 
 
 def _places(scene: RayScene, atlas: Atlas, texel: I64 | slice) -> F64:
-    return np.hstack([atlas.position[texel] / scene.radius, NORMAL_WEIGHT * atlas.normal[texel]])
+    position, normal = atlas.points(texel)
+    return np.hstack([position / scene.radius, NORMAL_WEIGHT * normal])
 
 
 def _traced(scene: RayScene, atlas: Atlas, chosen: I64, progress: Progress) -> U64:
@@ -127,7 +145,7 @@ def _traced(scene: RayScene, atlas: Atlas, chosen: I64, progress: Progress) -> U
 
             def trace(part: slice, level: I64 = level, near: I64 = near) -> int:
                 at, beside = level[part], near[part]
-                looked[at] = asked = _packed(atlas.normal[chosen[at]] @ cells.T > -BELOW)
+                looked[at] = asked = _packed(atlas.normal(chosen[at]) @ cells.T > -BELOW)
                 # Without neighbours, nothing is settled.
                 free = np.bitwise_and.reduce(words[beside] & looked[beside], axis=1)
                 shut = np.bitwise_and.reduce(~words[beside] & looked[beside], axis=1)
@@ -154,7 +172,7 @@ def _hidden(scene: RayScene, atlas: Atlas, texel: I64, cells: F32, asked: U64) -
     sine = (flat @ cells.T)[owner, cell]
     low = np.flatnonzero(sine < LIFT)
     direction[low] += (LIFT - sine[low])[:, None] * flat[owner[low]]
-    origin = atlas.position[texel] + scene.epsilon * upright
+    origin = atlas.position(texel) + scene.epsilon * upright
     hidden: Bool = np.zeros((len(texel), len(cells)), dtype=bool)
     hidden[owner, cell] = scene.occluded_in_unit_ball(scene.in_unit_ball(origin)[owner], direction)
     return _packed(hidden)
