@@ -12,6 +12,7 @@ import OpenEXR
 import pytest
 
 from swatchwork.capture import (
+    exr_in_bands,
     linear_from_srgb,
     read_exr_channels,
     read_image,
@@ -63,6 +64,34 @@ def test_exr_channels_of_each_type_round_trip(tmp_path: Path) -> None:
     for name, values in channels.items():
         assert read[name].dtype == values.dtype
         np.testing.assert_array_equal(read[name], values)
+
+
+def test_exr_in_bands_is_the_whole_image(tmp_path: Path) -> None:
+    channels = {
+        "index.0": RNG.integers(0, 2**32, (50, 7), dtype=np.uint32),
+        "weight.0": RNG.random((50, 7), dtype=np.float32),
+        "half": RNG.random((50, 7)).astype(np.float16),
+    }
+    types = {name: values.dtype for name, values in channels.items()}
+    with exr_in_bands(tmp_path / "c.exr", 7, 50, types) as write:
+        for start in range(0, 50, 20):
+            write({name: values[start : start + 20] for name, values in channels.items()})
+    read = read_exr_channels(tmp_path / "c.exr")
+    assert read.keys() == channels.keys()
+    for name, values in channels.items():
+        assert read[name].dtype == values.dtype
+        np.testing.assert_array_equal(read[name], values)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
+def test_exr_on_a_full_disk(tmp_path: Path) -> None:
+    (tmp_path / "f.exr").symlink_to("/dev/full")
+    noise = RNG.random((512, 512), dtype=np.float32)
+    with (
+        pytest.raises(OutputError, match=r"f\.exr: cannot be written .*No space left"),
+        exr_in_bands(tmp_path / "f.exr", 512, 512, {"Y": np.float32}) as write,
+    ):
+        write({"Y": noise})
 
 
 def test_exr_of_luminance_or_of_one_named_layer(tmp_path: Path) -> None:

@@ -14,12 +14,13 @@ from swatchwork.arrays import I64
 from swatchwork.capture import read_capture
 from swatchwork.errors import InputError
 from swatchwork.light import Environment
-from swatchwork.observe import Lights, Rendering
+from swatchwork.observe import Lights, Rendering, rendering
 from swatchwork.reconstruct import ReconstructOptions, reconstruct
 from swatchwork.reflectance import basis_by_name
 from swatchwork.simulate import simulate_capture
 from swatchwork.solve import Problem, SolveOptions, resume, solve
 from swatchwork.streaming import Budget, blend_every_texel, subset
+from swatchwork.streaming import tiles as tiles_module
 from swatchwork.surface import SkyMasks
 
 
@@ -115,6 +116,42 @@ def test_tiles_of_any_size_give_the_same_blend(capture: Path) -> None:
     again = blend_every_texel(found.rendering, found.basis, found.solution, budget=Small())
     for name in ("index", "weight", "residual"):
         np.testing.assert_array_equal(getattr(again, name), getattr(found.blend, name))
+
+
+def test_tiles_are_cut_at_even_counts_of_pairs(capture: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = reconstruct(
+        read_capture(capture), ReconstructOptions(48, texels=60, solve=SolveOptions(n=1, N=1))
+    )
+    seen, counts = found.observations.seen, found.observations.coverage
+    for pairs in (1, 2, 50, 333, 1 << 30):
+        total = np.cumsum(counts[seen])
+        cuts = np.searchsorted(total, np.arange(pairs, total[-1], pairs), side="right")
+        plain = [part for part in np.split(seen, np.unique(cuts)) if len(part)]
+        for counted in (1, 7, 1 << 18):
+            monkeypatch.setattr(rendering, "COUNTED", counted)
+            tiles = list(found.rendering.tiles(seen, pairs))
+            assert len(tiles) == len(plain)
+            for tile, expected in zip(tiles, plain, strict=True):
+                np.testing.assert_array_equal(tile, expected)
+
+
+def test_unseen_texels_take_the_blend_of_a_near_seen_one(
+    capture: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where the seen ones are thinned, as those of a large atlas are."""
+    read = read_capture(capture).first(1)
+    found = reconstruct(read, ReconstructOptions(48, texels=60, solve=SolveOptions(n=1, N=2)))
+    atlas, seen = found.observations.atlas, found.observations.seen
+    unseen = np.flatnonzero(found.observations.coverage == 0)
+    assert len(unseen) > 100
+    apart = np.linalg.norm(atlas.position(unseen)[:, None] - atlas.position(seen)[None], axis=2)
+    np.testing.assert_array_equal(found.blend.index[unseen], found.blend.index[seen[apart.argmin(axis=1)]])
+    monkeypatch.setattr(tiles_module, "MANY", len(seen) // 4)
+    thinned = tiles_module._nearest(atlas, seen, unseen)
+    nearest = np.linalg.norm(atlas.position(unseen) - atlas.position(thinned), axis=1)
+    # Every fourth texel along a row is taken, so that the nearest of those is up to a few texels further.
+    texel = np.sqrt(np.median(atlas.footprint(slice(None))))
+    assert np.quantile(nearest - apart.min(axis=1), 0.95) < 4 * texel
 
 
 def test_light_that_turns_is_the_surface_turned(capture: Path) -> None:

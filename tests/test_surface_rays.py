@@ -207,6 +207,20 @@ def test_finer_levels_see_what_tracing_every_cell_sees(monkeypatch: pytest.Monke
     assert 0 < (a != b).mean() < 0.002
 
 
+def test_samples_of_a_thinned_atlas_lie_as_evenly(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A large atlas chooses among every so many-th of its texels; the widest gap hardly grows."""
+    mesh = mesh_of(trimesh.creation.icosphere(subdivisions=5))
+    atlas = centres(mesh)
+    gaps = []
+    for candidates in (1 << 20, 8):
+        monkeypatch.setattr(sky, "CANDIDATES", candidates)
+        chosen = sky._spread_samples(atlas, 200)
+        assert len(np.unique(chosen)) == len(chosen) > 190
+        near = (atlas.position(slice(None)) @ atlas.position(chosen).T).max(axis=1)
+        gaps.append(np.arccos(np.minimum(near, 1)).max())
+    assert gaps[1] < 1.3 * gaps[0]
+
+
 def test_sharing_masks_changes_irradiance_little(monkeypatch: pytest.MonkeyPatch) -> None:
     mesh = mesh_of(trimesh.creation.torus(1.0, 0.4, major_sections=72, minor_sections=36))
     atlas, scene = centres(mesh), RayScene([mesh])
