@@ -59,13 +59,14 @@ class Atlas:
         assert mesh.uv is not None, "the atlas was made from them"
         row, col = np.divmod(pixel, self.resolution)
         centre = np.stack([(col + 0.5) / self.resolution, 1 - (row + 0.5) / self.resolution], axis=1)
-        bary = barycentric(mesh.uv, mesh.faces, face, centre)
-        corners = mesh.faces[face]
-        position = np.einsum("pc,pcx->px", bary, mesh.vertices[corners])
-        smooth = unit(np.einsum("pc,pcx->px", bary, mesh.normals[corners]))
+        corners = mesh.faces.take(face, axis=0)
+        bary = barycentric(mesh.uv, corners, centre)
+        position = np.einsum("pc,pcx->px", bary, mesh.vertices.take(corners, axis=0))
+        normal = unit(np.einsum("pc,pcx->px", bary, mesh.normals.take(corners, axis=0)))
         # Opposite vertex normals may cancel in the middle of a triangle.
-        whole = norm(smooth) > 0.5
-        return position, np.where(whole[:, None], smooth, self.face_normal[face]).astype(np.float32)
+        none = norm(normal) < 0.5
+        normal[none] = self.face_normal[face[none]]
+        return position, normal.astype(np.float32)
 
     def position(self, texel: I64 | slice) -> F64:
         """Positions [T, 3] of texels [T] in the world."""

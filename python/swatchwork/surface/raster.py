@@ -55,13 +55,15 @@ def covered_centres(uv: F64, faces: I32, resolution: int) -> tuple[I64, I64, I64
     return face[line], row[line], column
 
 
-def barycentric(uv: F64, faces: I32, face: I64 | I32, at: F64) -> F64:
-    """Barycentric coordinates [P, 3] of UV points [P, 2] in the given faces, moved into the triangle."""
-    a, b, c = (uv[faces[face, i]] for i in range(3))
-    ab, ac, ap = b - a, c - a, at - a
-    doubled = ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0]
+def barycentric(uv: F64, corners: I32, at: F64) -> F64:
+    """Barycentric coordinates [P, 3] of UV points [P, 2] in triangles of corners [P, 3], moved into them."""
+    x, y = np.ascontiguousarray(uv[:, 0]), np.ascontiguousarray(uv[:, 1])
+    a, b, c = corners.T
+    ax, ay = x.take(a), y.take(a)
+    bx, by, cx, cy = x.take(b) - ax, y.take(b) - ay, x.take(c) - ax, y.take(c) - ay
+    px, py = at[:, 0] - ax, at[:, 1] - ay
+    doubled = bx * cy - by * cx
     scale = 1 / np.where(doubled != 0, doubled, 1.0)
-    second = (ap[:, 0] * ac[:, 1] - ap[:, 1] * ac[:, 0]) * scale
-    third = (ab[:, 0] * ap[:, 1] - ab[:, 1] * ap[:, 0]) * scale
+    second, third = (px * cy - py * cx) * scale, (bx * py - by * px) * scale
     result = np.clip(np.stack([1 - second - third, second, third], axis=1), 0, 1)
     return np.asarray(result / result.sum(axis=1, keepdims=True))

@@ -147,14 +147,15 @@ def sees(scene: RayScene, atlas: Atlas, camera: Camera) -> Bool:
     inside the image, and the segment to the camera is free of the object and of occluders.
     """
     seen: Bool = np.zeros(len(atlas), dtype=bool)
+    corner = atlas.mesh.vertices[atlas.mesh.faces[:, 0]]
+    towards = dot(atlas.face_normal, camera.position - corner) > 0
 
     def look(part: slice) -> None:
-        texel = np.arange(part.start, min(part.stop, len(atlas)))
+        texel = part.start + np.flatnonzero(towards[atlas.face[part]])
         position, normal = atlas.points(texel)
         to_camera = camera.position - position
         facing = dot(normal, to_camera) > GRAZING * norm(to_camera)
         flat = atlas.geometric_normal(texel)
-        facing &= dot(flat, to_camera) > 0
         uv_px, depth = camera.project(position[facing])
         inside = (uv_px >= 0).all(axis=1) & (uv_px < (camera.width, camera.height)).all(axis=1) & (depth > 0)
         facing[facing] = inside
