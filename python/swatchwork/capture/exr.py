@@ -71,11 +71,11 @@ def write_exr_channels(path: Path, channels: Mapping[str, npt.NDArray[Any]]) -> 
         OutputError: the file cannot be written.
     """
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    try:
-        with OpenEXR.File(header, {name: np.ascontiguousarray(c) for name, c in channels.items()}) as file:
-            file.write(str(path))
-    except (OSError, RuntimeError) as error:
-        raise OutputError(f"{path}: cannot be written ({error})") from error
+    with (
+        _writing(path),
+        OpenEXR.File(header, {name: np.ascontiguousarray(c) for name, c in channels.items()}) as file,
+    ):
+        file.write(str(path))
 
 
 @contextmanager
@@ -95,19 +95,19 @@ def exr_in_bands(
     header["channels"] = {
         name: Imath.Channel(Imath.PixelType(PIXEL_TYPES[kind.name])) for name, kind in kinds.items()
     }
-    try:
+    with _writing(path):
         file = OpenEXR.OutputFile(str(path), header)
-        try:
 
-            def write(rows: Channels) -> None:
-                stored = {name: rows[name].astype(kind).tobytes() for name, kind in kinds.items()}
-                file.writePixels(stored, len(next(iter(rows.values()))))
+    def write(rows: Channels) -> None:
+        stored = {name: rows[name].astype(kind).tobytes() for name, kind in kinds.items()}
+        with _writing(path):
+            file.writePixels(stored, len(next(iter(rows.values()))))
 
-            yield write
-        finally:
+    try:
+        yield write
+    finally:
+        with _writing(path):
             file.close()
-    except (OSError, RuntimeError) as error:
-        raise OutputError(f"{path}: cannot be written ({error})") from error
 
 
 def write_exr(path: Path, pixels: Float, *, half: bool = False) -> None:
@@ -118,6 +118,14 @@ def write_exr(path: Path, pixels: Float, *, half: bool = False) -> None:
     """
     stored = np.asarray(pixels, dtype=np.float16 if half else np.float32)
     write_exr_channels(path, {name: stored[..., i] for i, name in enumerate("RGBA"[: stored.shape[-1]])})
+
+
+@contextmanager
+def _writing(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except (OSError, RuntimeError) as error:
+        raise OutputError(f"{path}: cannot be written ({error})") from error
 
 
 @contextmanager
