@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -92,7 +93,7 @@ def main() -> None:
     done = []
     lacks = missing()
     for name in args.only:
-        capture, work = (args.captures / name).resolve(), shared.BENCH / "peer" / name
+        capture, work = Path(os.path.abspath(args.captures / name)), shared.BENCH / "peer" / name
         if not (capture / "transforms.json").exists() and not work.with_suffix(".json").exists():
             print(f"skipped: there is no capture {args.captures / name}")
             continue

@@ -4,14 +4,13 @@
 
     python scripts/bench/page.py --figures target/bench --page docs/benchmarks.md
 
-Reads the JSON of all the benchmarks; a part that is missing is named. Every verdict is computed from them
-against the bounds below; ratios compare runs of one file.
+Reads the JSON of all the benchmarks; a part without one stays as the page has it. Every verdict is computed
+from them against the bounds below; ratios compare runs of one file.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -81,9 +80,7 @@ def table1_section(figures: Figures) -> str:
     bounds = (
         results.verdicts(found) if found else f"The bounds are for a {FULL} x {FULL} atlas on {CORES} cores."
     )
-    return f"""## Table 1 of the paper
-
-{source(figures, rows)}
+    return f"""{source(figures, rows)}
 
 Simulated captures of the same k, n and N, images of *pixels* a side, atlas of
 {figures["resolution"]} x {figures["resolution"]} (scripts/bench/scenes.py: GGX lobes beyond
@@ -114,9 +111,7 @@ def scaling_section(figures: Figures) -> str:
         found.append(("the same between the two largest", slope["MB"][1], FLAT, ""))
     tables = [scaling.table(name, done, markdown=True) for name, done in series.items()]
     every = [run for done in series.values() for run in done]
-    return f"""## Cost against M, k, N, n
-
-{source(figures, every)}
+    return f"""{source(figures, every)}
 
 The capture of {figures["capture"]}, with images of {figures["size"]} x {figures["size"]} pixels;
 n = {scaling.GIVEN["n"]} and N = {scaling.GIVEN["N"]} are given, but for the series that vary them, and the
@@ -158,9 +153,7 @@ def stages_section(figures: Figures) -> str:
     rates = [[name, f"{rate / 1e6:.1f}"] for name, rate in figures["criterion"].items()]
     kernels = results.table(["criterion bench", "M/s"], rates, markdown=True) if rates else "Not run."
     views = f", {hard['views']:.1f} views a texel" if hard else ""
-    return f"""## Stages against their limits
-
-{source(figures, list(parts.values()))} {figures["threads"]} threads.
+    return f"""{source(figures, list(parts.values()))} {figures["threads"]} threads.
 
 What limits a stage: the bytes of the files for reading, bare environment lookups for responses, a dense
 product in BLAS for the Gram blocks. The Gram blocks' rate is of the work that a product for each pair of
@@ -184,7 +177,7 @@ Kernels:
 def peer_section(figures: Figures) -> str:
     captures = figures["captures"]
     if not captures:
-        return "## Beside Mitsuba 3\n\nSkipped: no captures were there (`make bench CAPTURES=...`).\n"
+        return "Skipped: no captures were there (`make bench CAPTURES=...`).\n"
     found: list[results.Verdict] = []
     for capture in captures:
         of_error, of_time = beside_peer.ratios(capture)
@@ -195,9 +188,7 @@ def peer_section(figures: Figures) -> str:
     versions = ", ".join(dict.fromkeys(capture["peer"]["mitsuba"] for capture in captures))
     schedule = ", ".join(f"{name} {value:g}" for name, value in captures[0]["peer"]["schedule"].items())
     rows = [row for capture in captures for row in beside_peer.rows(capture)]
-    return f"""## Beside Mitsuba 3
-
-{source(figures, runs)}
+    return f"""{source(figures, runs)}
 
 The peer is Mitsuba {versions}: textures of a `principled` BSDF by Adam (scripts/bench/peer.py; {schedule}),
 with the same mesh, cameras and light, one after the other. NRMS is of the novel light in test/, in %. The
@@ -222,9 +213,7 @@ def streaming_section(figures: Figures) -> str:
         found.append((f"{subset['capture']}: NRMS, relative difference", abs(a - b) / b, STREAMING, "%"))
         found.append((f"{subset['capture']}: of n and N, how many differ", other, 0, ""))
     rows = [row for pair in streaming.pairs(figures["runs"]) for row in streaming.rows(*pair)]
-    return f"""## A subset of texels against every texel
-
-{source(figures, figures["runs"])}
+    return f"""{source(figures, figures["runs"])}
 
 Atlas of {figures["resolution"]} x {figures["resolution"]}. *subset* is the default; *every* searches n
 and N on all texels throughout.
@@ -238,9 +227,7 @@ and N on all texels throughout.
 def resume_section(figures: Figures) -> str:
     kills = figures["kills"]
     differ = sum(bool(kill["differ"]) for kill in kills)
-    return f"""## kill -9 at random moments
-
-{source(figures, [figures["undisturbed"]])}
+    return f"""{source(figures, [figures["undisturbed"]])}
 
 An undisturbed run took {figures["undisturbed"]["cost"]["wall_s"]:.1f} s. Each killed one goes on by the same
 command; every file is compared but the report, which tells the time.
@@ -251,30 +238,19 @@ command; every file is compared but the report, which tells the time.
 """
 
 
-SECTIONS: dict[str, Callable[[Figures], str]] = {
-    "table1": table1_section,
-    "peer": peer_section,
-    "scaling": scaling_section,
-    "stages": stages_section,
-    "streaming": streaming_section,
-    "resume": resume_section,
+SECTIONS: dict[str, tuple[str, Callable[[Figures], str]]] = {
+    "table1": ("Table 1 of the paper", table1_section),
+    "peer": ("Beside Mitsuba 3", peer_section),
+    "scaling": ("Cost against M, k, N, n", scaling_section),
+    "stages": ("Stages against their limits", stages_section),
+    "streaming": ("A subset of texels against every texel", streaming_section),
+    "resume": ("kill -9 at random moments", resume_section),
 }
-
-
-def page(folder: Path) -> str:
-    parts = []
-    for name, section in SECTIONS.items():
-        file = folder / f"{name}.json"
-        if file.exists():
-            parts.append(section(json.loads(file.read_text(encoding="utf-8"))))
-        else:
-            parts.append(f"## Missing: {name}\n\nThere is no {file.name}; `make bench` makes it.\n")
-    head = """# Benchmarks
+HEAD = """# Benchmarks
 
 Written by `make bench` (scripts/bench/page.py); do not edit. A commit with a "+" had uncommitted changes of
 the package. Peak memory is the largest resident size of the process, in 1e6 bytes.
 """
-    return "\n".join([head, *parts])
 
 
 def main() -> None:
@@ -284,8 +260,7 @@ def main() -> None:
     parser.add_argument("--figures", type=Path, default=shared.BENCH)
     parser.add_argument("--page", type=Path, default=results.ROOT / "docs" / "benchmarks.md")
     args = parser.parse_args()
-    args.page.write_text(page(args.figures), encoding="utf-8")
-    print(f"wrote {args.page}")
+    results.write_page(args.page, HEAD, SECTIONS, args.figures)
 
 
 if __name__ == "__main__":

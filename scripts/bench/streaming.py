@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 from dataclasses import asdict
 from pathlib import Path
@@ -90,7 +91,7 @@ def main() -> None:
     captures = [scenes.capture_of(SIMULATED, args.size)]
     measured = args.captures / MEASURED if args.captures else None
     if measured is not None and (measured / "transforms.json").exists():
-        captures.append(measured.resolve())
+        captures.append(Path(os.path.abspath(measured)))
     else:
         print(f"skipped: there is no capture {MEASURED} in --captures")
     done = []

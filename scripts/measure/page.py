@@ -12,7 +12,7 @@ of each figure.
 from __future__ import annotations
 
 import argparse
-import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -43,11 +43,6 @@ FOUND_TOO = ("noise-free, k=6", "3 % noise, k=6")
 """Cases in which n=2 and N=4 are to be found as well."""
 
 
-def read(folder: Path, name: str) -> Figures | None:
-    file = folder / f"{name}.json"
-    return json.loads(file.read_text(encoding="utf-8")) if file.exists() else None
-
-
 def source(figures: Figures) -> str:
     return f"`{figures['command']}`, commit {figures['commit']}, {figures['date']}."
 
@@ -65,9 +60,7 @@ def exactness_section(figures: Figures) -> str:
         ("representative step: off an independent solver", worst_fit, 1e-6, ""),
     ]
     largest = max(fit["N"] for fit in fits)
-    return f"""## Exactness
-
-{source(figures)}
+    return f"""{source(figures)}
 
 The blend step against enumeration of every support in NumPy, N to {exactness.MOST_N}, n to
 {exactness.MOST_BLENDED}: *worse by* is the largest excess of its objective, *better by* what enumeration in
@@ -86,7 +79,7 @@ objective {worst_fit:.1e}.
 """
 
 
-def two_of_four_section(figures: Figures, title: str) -> str:
+def two_of_four_section(figures: Figures) -> str:
     runs = [two_of_four.Run(**run) for run in figures["runs"]]
     verdicts: list[results.Verdict] = []
     for name, bound in SYNTHETIC_BOUNDS.items():
@@ -104,9 +97,7 @@ def two_of_four_section(figures: Figures, title: str) -> str:
     ]
     failed = results.table(two_of_four.HEAD, failures, markdown=True) if failures else "None."
     rows = [two_of_four.row(run) for run in runs] + two_of_four.mean_rows(runs)
-    return f"""## {title}
-
-{source(figures)}
+    return f"""{source(figures)}
 
 A sphere of {figures["texels"]} points, {figures["basis"]} basis, light (capture, novel): {figures["lights"]},
 search order: {figures["search_order"]}, automatic penalties. NRMS is of the novel light in views that were
@@ -157,9 +148,7 @@ def captures_section(figures: Figures) -> str:
         cells = [f"{100 * share:.2f}" if share > 0 else "-" for share in (*shares, floor_error)]
         parts.append([f"{run['capture']}, {run['basis']}", str(run["views"]), *cells])
     split_head = ["capture", "k", "seen", "unseen", "open", "shut in", "floor's share of error"]
-    return f"""## Captures of measured materials
-
-{source(figures)} Runs were made at commit {commits}.
+    return f"""{source(figures)} Runs were made at commit {commits}.
 
 Novel-light NRMS on `test/`, in %. Each command is a process of its own; *s* and *MB* are the wall
 time and peak memory of `swatchwork reconstruct`, *atlas* its resolution, the default. The floor is the same
@@ -181,9 +170,7 @@ squared error the floor has too (the basis, the light's resolution, interreflect
 
 def shadows_section(figures: Figures) -> str:
     rows = [shadows.row(r) for r in figures["rows"]]
-    return f"""## Shared shadows
-
-{source(figures)}
+    return f"""{source(figures)}
 
 Irradiance under the capture's own light at {shadows.TEXELS} texels of a {shadows.RESOLUTION} x
 {shadows.RESOLUTION} atlas, from the masks of so many shared samples (0: no shadows at all), against masks of
@@ -209,9 +196,7 @@ def forward_section(figures: Figures) -> str:
         ("worst kernel and probe, all", max(sharp, broad, diffuse), FORWARD_BOUNDS[1], "%"),
     ]
     count = len(figures["seeds"])
-    return f"""## Forward model
-
-{source(figures)}
+    return f"""{source(figures)}
 
 Responses of every kernel against brute-force quadrature over the probe's own raster, at
 {figures["pairs"]} random pairs of normal and viewer with n.o above 0.1: NRMS in % of the worst kernel by
@@ -225,29 +210,20 @@ is a small sample; the bounds are for all of them.
 """
 
 
-def page(folder: Path) -> str:
-    sections = []
-    if (figures := read(folder, "forward_model")) is not None:
-        sections.append(forward_section(figures))
-    if (figures := read(folder, "exactness")) is not None:
-        sections.append(exactness_section(figures))
-    for name, title in (
-        ("two_of_four", "Two of four materials"),
-        ("two_of_four-paper-order", "Two of four materials, in the paper's search order"),
-        ("two_of_four-extended", "Two of four materials, extended basis"),
-    ):
-        if (figures := read(folder, name)) is not None:
-            sections.append(two_of_four_section(figures, title))
-    if (figures := read(folder, "shadows")) is not None:
-        sections.append(shadows_section(figures))
-    if (figures := read(folder, "captures")) is not None:
-        sections.append(captures_section(figures))
-    head = """# Validation
+SECTIONS: dict[str, tuple[str, Callable[[Figures], str]]] = {
+    "forward_model": ("Forward model", forward_section),
+    "exactness": ("Exactness", exactness_section),
+    "two_of_four": ("Two of four materials", two_of_four_section),
+    "two_of_four-paper-order": ("Two of four materials, in the paper's search order", two_of_four_section),
+    "two_of_four-extended": ("Two of four materials, extended basis", two_of_four_section),
+    "shadows": ("Shared shadows", shadows_section),
+    "captures": ("Captures of measured materials", captures_section),
+}
+HEAD = """# Validation
 
 Written by `make validate` (scripts/measure/page.py); do not edit. A commit with a "+" had uncommitted changes
 of the package.
 """
-    return "\n".join([head, *sections])
 
 
 def main() -> None:
@@ -257,8 +233,7 @@ def main() -> None:
     parser.add_argument("--figures", type=Path, default=results.ROOT / "target" / "validation")
     parser.add_argument("--page", type=Path, default=results.ROOT / "docs" / "validation.md")
     args = parser.parse_args()
-    args.page.write_text(page(args.figures), encoding="utf-8")
-    print(f"wrote {args.page}")
+    results.write_page(args.page, HEAD, SECTIONS, args.figures)
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ import shlex
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -56,6 +56,29 @@ def write(path: Path | None, figures: dict[str, Any]) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     source = {"command": command(), "commit": COMMIT, "date": time.strftime("%Y-%m-%d")}
     path.write_text(json.dumps(source | figures, indent=1) + "\n", encoding="utf-8")
+
+
+Sections = Mapping[str, tuple[str, Callable[[dict[str, Any]], str]]]
+"""For each file of figures, without its .json: the section's title, and what writes it."""
+
+
+def write_page(path: Path, head: str, sections: Sections, folder: Path) -> None:
+    """Write a page; a section without figures in ``folder`` stays as it is on the page that is there.
+
+    So a part can be measured anew without the hours of the others: each names its own commit and date.
+    """
+    old = path.read_text(encoding="utf-8") if path.exists() else ""
+    there = {part.split("\n", 1)[0]: part.rstrip() for part in old.split("\n## ")[1:]}
+    parts = [head.rstrip() + "\n"]
+    for name, (title, section) in sections.items():
+        file = folder / f"{name}.json"
+        if file.exists():
+            parts.append(f"## {title}\n\n{section(json.loads(file.read_text(encoding='utf-8'))).strip()}\n")
+        elif title in there:
+            parts.append(f"## {there[title]}\n")
+            print(f"{title}: as it was, for there is no {file.name}")
+    path.write_text("\n".join(parts), encoding="utf-8")
+    print(f"wrote {path}")
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[Any]], *, markdown: bool = False) -> str:
