@@ -83,15 +83,21 @@ def test_exr_in_bands_is_the_whole_image(tmp_path: Path) -> None:
         np.testing.assert_array_equal(read[name], values)
 
 
+def test_exr_that_ends_too_soon(tmp_path: Path) -> None:
+    with (
+        pytest.raises(OutputError, match=r"c\.exr: cannot be written .*before its last row"),
+        exr_in_bands(tmp_path / "c.exr", 7, 50, {"Y": np.float32}) as write,
+    ):
+        write({"Y": np.zeros((20, 7))})
+
+
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
 def test_exr_on_a_full_disk(tmp_path: Path) -> None:
     (tmp_path / "f.exr").symlink_to("/dev/full")
-    noise = RNG.random((512, 512), dtype=np.float32)
-    with (
-        pytest.raises(OutputError, match=r"f\.exr: cannot be written .*No space left"),
-        exr_in_bands(tmp_path / "f.exr", 512, 512, {"Y": np.float32}) as write,
-    ):
-        write({"Y": noise})
+    # What is short is not written before the file is closed.
+    for pixels in (RNG.random((512, 512), dtype=np.float32), np.zeros((5, 7), np.float32)):
+        with pytest.raises(OutputError, match=r"f\.exr: cannot be written"):
+            write_exr_channels(tmp_path / "f.exr", {"Y": pixels})
 
 
 def test_exr_of_luminance_or_of_one_named_layer(tmp_path: Path) -> None:

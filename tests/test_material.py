@@ -79,6 +79,21 @@ def test_round_trip_keeps_every_bit(tmp_path: Path, n: int) -> None:
     assert found.N == 5
 
 
+def test_bands_of_any_height_write_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    material = example(2)
+    write_material(tmp_path / "whole", material)
+    monkeypatch.setattr("swatchwork.material.folder.ROWS", 3)
+    monkeypatch.setattr("swatchwork.material.maps.CHUNK", 1)
+    write_material(tmp_path / "bands", material)
+    files = sorted(path.relative_to(tmp_path / "whole") for path in (tmp_path / "whole").rglob("*.exr"))
+    assert len(files) == 8
+    for file in files:
+        whole, bands = (read_exr_channels(tmp_path / name / file) for name in ("whole", "bands"))
+        assert whole.keys() == bands.keys()
+        for channel, values in whole.items():
+            assert same(values, bands[channel]), (file, channel)
+
+
 def test_same_material_gives_the_same_bytes(tmp_path: Path) -> None:
     for name in ("one", "two"):
         write_material(tmp_path / name, example())

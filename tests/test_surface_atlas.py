@@ -25,6 +25,8 @@ from swatchwork.surface import (
     unwrap,
     uv_problem,
 )
+from swatchwork.surface import atlas as atlas_module
+from swatchwork.surface.raster import covered_centres
 
 
 def grid(cells: int, seed: int = 0) -> Mesh:
@@ -162,6 +164,31 @@ def test_bad_requests() -> None:
         build_atlas(mesh, 0)
     with pytest.raises(InputError, match="no texel"):
         build_atlas(Mesh(mesh.vertices, mesh.faces, mesh.normals, mesh.uv + 5), 64)
+
+
+def test_of_overlapping_faces_the_first_keeps_a_texel(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However many are rasterised at a time."""
+    rng = np.random.default_rng(0)
+    vertices = rng.random((90, 3))
+    faces = np.arange(90, dtype=np.int32).reshape(30, 3)
+    mesh = Mesh(vertices, faces, np.broadcast_to([0.0, 0, 1], (90, 3)).copy(), rng.random((90, 2)))
+    face, row, col = covered_centres(mesh.uv, faces, 40)
+    for chunk in (7, 300, 1 << 18):
+        monkeypatch.setattr(atlas_module, "CHUNK", chunk)
+        atlas = build_atlas(mesh, 40)
+        assert set(zip(row.tolist(), col.tolist(), strict=True)) == set(
+            zip(atlas.row.tolist(), atlas.col.tolist(), strict=True)
+        )
+        for r, c, found in zip(atlas.row, atlas.col, atlas.face, strict=True):
+            assert found == face[(row == r) & (col == c)].min()
+
+
+def test_points_of_some_texels_are_those_of_all() -> None:
+    atlas = build_atlas(grid(6), 64)
+    position, normal = atlas.points(slice(None))
+    some = np.arange(3, len(atlas), 17)
+    np.testing.assert_array_equal(atlas.position(some), position[some])
+    np.testing.assert_array_equal(atlas.normal(some), normal[some])
 
 
 def test_atlas_of_a_scan_is_quick_and_covers_what_the_truth_covers(shared: Path) -> None:

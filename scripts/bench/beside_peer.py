@@ -70,15 +70,22 @@ def rows(found: dict[str, Any]) -> list[list[str]]:
     return cells
 
 
-def ratios(found: dict[str, Any]) -> tuple[float, float]:
-    """Ours over the peer's: NRMS over its lowest, and time over that of its convergence."""
+def arrived(found: dict[str, Any]) -> int:
+    """The peer's first checkpoint whose misfit is within 1 % of the last one's."""
     curve = found["peer"]["curve"]
-    # It converged somewhere before the first checkpoint whose misfit is about the last one's, and after the
-    # one before, whose time bounds the ratio from above.
-    arrived = next(i for i, point in enumerate(curve) if point["misfit"] <= 1.01 * curve[-1]["misfit"])
+    return next(i for i, point in enumerate(curve) if point["misfit"] <= 1.01 * curve[-1]["misfit"])
+
+
+def ratios(found: dict[str, Any]) -> tuple[float, float]:
+    """Ours over the peer's: NRMS over its lowest, and time over that of its convergence.
+
+    It converged before the checkpoint at which it had arrived and after the one before, whose time bounds the
+    ratio from above. Where it had arrived at the first, the ratio is larger than the one returned.
+    """
+    curve = found["peer"]["curve"]
     return (
         found["ours"]["evaluation"]["nrms"] / min(point["nrms"] for point in curve),
-        found["ours"]["cost"]["wall_s"] / curve[max(arrived - 1, 0)]["seconds"],
+        found["ours"]["cost"]["wall_s"] / curve[max(arrived(found) - 1, 0)]["seconds"],
     )
 
 
@@ -106,6 +113,8 @@ def main() -> None:
                 lambda capture=capture, work=work: measure(capture, work),
             )
         )
+    if not done:
+        return
     print(results.table(HEAD, [row for found in done for row in rows(found)]))
     shared.write(args.json, {"captures": done})
 

@@ -281,11 +281,13 @@ class Descent:
         weight = dr.square(dr.gather(mi.Float, self.scale, at))
         return weight * dr.mean(residual[0] * residual[1]) / self.energy
 
-    def misfit(self) -> float:
-        """Root mean square of the residuals over that of the photographs, both times their weights."""
+    def misfit(self) -> dict[str, float]:
+        """Root mean square of the residuals over that of the photographs, both times their weights; and its
+        standard error, which is mostly that of the choice of pixels, the same at every checkpoint."""
         with dr.suspend_grad():
             found = [dr.mean(self._loss(1 << 30 | draw))[0] for draw in range(MISFIT_DRAWS)]
-        return float(np.sqrt(max(np.mean(found), 0.0)))
+        misfit = float(np.sqrt(max(np.mean(found), 1e-12)))
+        return {"misfit": misfit, "misfit_error": float(np.std(found)) / len(found) ** 0.5 / (2 * misfit)}
 
     def _step(self) -> None:
         self.iterations += 1
@@ -365,7 +367,7 @@ def fit(capture: Path, schedule: Schedule, times: list[float], to_end: bool, wor
         stopped = time.perf_counter()
         # Scoring renders more at once than fitting does: only the peak before the first counts.
         peak = curve[0]["peak_mb"] if curve else peak_mb()
-        point: dict[str, Any] = {"seconds": clock(), "peak_mb": peak, "misfit": descent.misfit()}
+        point: dict[str, Any] = {"seconds": clock(), "peak_mb": peak} | descent.misfit()
         render(descent, test, work, samples)
         point |= {"iterations": descent.iterations} | shared.score(work, capture / "test")
         curve.append(point)
@@ -386,7 +388,8 @@ def peak_mb() -> float:
 def line(point: dict[str, Any]) -> str:
     return (
         f"{point['seconds']:7.1f} s {point['iterations']:6d} iterations {point['peak_mb']:6.0f} MB  "
-        f"misfit {100 * point['misfit']:.2f} %  novel light {100 * point['nrms']:.2f} %"
+        f"misfit {100 * point['misfit']:.2f} +- {100 * point['misfit_error']:.2f} %  "
+        f"novel light {100 * point['nrms']:.2f} %"
     )
 
 

@@ -77,6 +77,8 @@ def write_page(path: Path, head: str, sections: Sections, folder: Path) -> None:
         elif title in there:
             parts.append(f"## {there[title]}\n")
             print(f"{title}: as it was, for there is no {file.name}")
+        else:
+            parts.append(f"## {title}\n\nNot measured yet.\n")
     path.write_text("\n".join(parts), encoding="utf-8")
     print(f"wrote {path}")
 

@@ -41,7 +41,7 @@ def irradiance(masks: SkyMasks, texel: np.ndarray, cosine: np.ndarray, light: np
 
 def truth(scene: RayScene, atlas: Atlas, texel: np.ndarray) -> SkyMasks:
     """Masks of these texels alone, every cell traced."""
-    picked = {name: getattr(atlas, name)[texel] for name in ("row", "col", "face", "position", "normal")}
+    picked = {name: getattr(atlas, name)[texel] for name in ("pixel", "face")}
     first, sky.FIRST_LEVEL = sky.FIRST_LEVEL, len(texel)
     try:
         return sky_masks(scene, replace(atlas, **picked), len(texel))

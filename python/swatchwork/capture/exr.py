@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, redirect_stdout
+from contextlib import contextmanager, redirect_stdout, suppress
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ import OpenEXR
 from swatchwork.arrays import Float
 from swatchwork.errors import InputError, OutputError
 
-PIXEL_TYPES = {
+_PIXEL_TYPES = {
     "float16": Imath.PixelType.HALF,
     "float32": Imath.PixelType.FLOAT,
     "uint32": Imath.PixelType.UINT,
@@ -70,44 +70,55 @@ def write_exr_channels(path: Path, channels: Mapping[str, npt.NDArray[Any]]) -> 
     Raises:
         OutputError: the file cannot be written.
     """
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    with (
-        _writing(path),
-        OpenEXR.File(header, {name: np.ascontiguousarray(c) for name, c in channels.items()}) as file,
-    ):
-        file.write(str(path))
+    height, width = next(iter(channels.values())).shape
+    with exr_in_bands(path, width, height, {name: rows.dtype for name, rows in channels.items()}) as write:
+        write(channels)
 
 
 @contextmanager
 def exr_in_bands(
     path: Path, width: int, height: int, types: Mapping[str, npt.DTypeLike]
-) -> Iterator[Callable[[Channels], None]]:
+) -> Iterator[Callable[[Mapping[str, npt.NDArray[Any]]], None]]:
     """A function that writes the next rows of an image, [h, width] a channel, so that it is never held whole.
 
     ``types``: float16, float32 or uint32 of each channel. Losslessly compressed.
 
     Raises:
-        OutputError: the file cannot be written.
+        OutputError: the file cannot be written, or rows are missing at the end.
     """
     header = OpenEXR.Header(width, height)
     header["compression"] = Imath.Compression(Imath.Compression.ZIP_COMPRESSION)
     kinds = {name: np.dtype(of) for name, of in types.items()}
     header["channels"] = {
-        name: Imath.Channel(Imath.PixelType(PIXEL_TYPES[kind.name])) for name, kind in kinds.items()
+        name: Imath.Channel(Imath.PixelType(_PIXEL_TYPES[kind.name])) for name, kind in kinds.items()
     }
     with _writing(path):
         file = OpenEXR.OutputFile(str(path), header)
 
-    def write(rows: Channels) -> None:
+    def write(rows: Mapping[str, npt.NDArray[Any]]) -> None:
         stored = {name: rows[name].astype(kind).tobytes() for name, kind in kinds.items()}
         with _writing(path):
             file.writePixels(stored, len(next(iter(rows.values()))))
 
     try:
         yield write
-    finally:
-        with _writing(path):
+    except BaseException:
+        with suppress(OSError, RuntimeError):
             file.close()
+        raise
+    with _writing(path):
+        # The library keeps to itself what goes wrong with the last rows and the table of all of them.
+        file.close()
+        if not OpenEXR.InputFile(str(path)).isComplete():
+            raise OSError("it ends before its last row: is the disk full?")
+
+
+@contextmanager
+def _writing(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except (OSError, RuntimeError) as error:
+        raise OutputError(f"{path}: cannot be written ({error})") from error
 
 
 def write_exr(path: Path, pixels: Float, *, half: bool = False) -> None:
@@ -118,14 +129,6 @@ def write_exr(path: Path, pixels: Float, *, half: bool = False) -> None:
     """
     stored = np.asarray(pixels, dtype=np.float16 if half else np.float32)
     write_exr_channels(path, {name: stored[..., i] for i, name in enumerate("RGBA"[: stored.shape[-1]])})
-
-
-@contextmanager
-def _writing(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except (OSError, RuntimeError) as error:
-        raise OutputError(f"{path}: cannot be written ({error})") from error
 
 
 @contextmanager

@@ -20,7 +20,7 @@ from swatchwork.surface.raster import barycentric, covered_centres
 # Share of the UV square that charts of an xatlas packing typically fill.
 PACKING = 0.6
 CHUNK = 1 << 18
-"""Texels that are rasterised at once, about: 30 MB."""
+"""Texels that are rasterised at once, about: 30 MB; a larger face is by itself."""
 
 
 @dataclass(frozen=True)
@@ -95,6 +95,8 @@ def build_atlas(mesh: Mesh, resolution: int) -> Atlas:
         raise InputError(
             "the mesh has no UVs", expected="a parametrised mesh", hint="Use parametrised(mesh) first."
         )
+    if not np.isfinite(mesh.uv).all():
+        raise InputError("a UV is not a finite number", expected="UVs in [0, 1]")
     if resolution < 1:
         raise InputError(f"atlas resolution is {resolution}", expected="at least 1")
     flat_areas = uv_doubled_areas(mesh)
@@ -126,7 +128,7 @@ def _first_face_at(uv: F64, faces: I32, area: F64, resolution: int) -> I32:
     Overlaps are the caller's to judge (uv_problem).
     """
     at = np.full(resolution * resolution, -1, dtype=np.int32)
-    texels = np.cumsum(area) * resolution**2
+    texels = np.cumsum(np.minimum(area, 1)) * resolution**2
     cuts = np.unique(np.searchsorted(texels, np.arange(CHUNK, texels[-1], CHUNK)))
     for first, last in pairwise([0, *cuts, len(faces)]):
         face, row, col = covered_centres(uv, faces[first:last], resolution)

@@ -57,11 +57,8 @@ def covered_centres(uv: F64, faces: I32, resolution: int) -> tuple[I64, I64, I64
 
 def barycentric(uv: F64, corners: I32, at: F64) -> F64:
     """Barycentric coordinates [P, 3] of UV points [P, 2] in triangles of corners [P, 3], moved into them."""
-    x, y = np.ascontiguousarray(uv[:, 0]), np.ascontiguousarray(uv[:, 1])
-    a, b, c = corners.T
-    ax, ay = x.take(a), y.take(a)
-    bx, by, cx, cy = x.take(b) - ax, y.take(b) - ay, x.take(c) - ax, y.take(c) - ay
-    px, py = at[:, 0] - ax, at[:, 1] - ay
+    a, b, c = (uv.take(corners[:, i], axis=0) for i in range(3))
+    (bx, by), (cx, cy), (px, py) = (b - a).T, (c - a).T, (at - a).T
     doubled = bx * cy - by * cx
     scale = 1 / np.where(doubled != 0, doubled, 1.0)
     second, third = (px * cy - py * cx) * scale, (bx * py - by * px) * scale

@@ -24,7 +24,7 @@ SIZE = 64
 # with 64,000; spot 0.51 % (1.7 s) and 0.15 % (7 s). No masks at all: 3.0 and 10.5 %. The other 5 % of texels
 # lie at contacts and creases.
 SAMPLES = 64_000
-# Texels that a sample is chosen from, at least, where there are as many: a large atlas is thinned to them.
+# Of an atlas with twice as many texels a sample, so many are left to choose it from, or up to twice that.
 CANDIDATES = 8
 # Samples of the first level are traced in every cell; each further level has this many times as many, and is
 # traced only where its neighbours of the levels before disagree.
@@ -145,12 +145,13 @@ def _traced(scene: RayScene, atlas: Atlas, chosen: I64, progress: Progress) -> U
 
             def trace(part: slice, level: I64 = level, near: I64 = near) -> int:
                 at, beside = level[part], near[part]
-                looked[at] = asked = _packed(atlas.normal(chosen[at]) @ cells.T > -BELOW)
+                position, normal = atlas.points(chosen[at])
+                looked[at] = asked = _packed(normal @ cells.T > -BELOW)
                 # Without neighbours, nothing is settled.
                 free = np.bitwise_and.reduce(words[beside] & looked[beside], axis=1)
                 shut = np.bitwise_and.reduce(~words[beside] & looked[beside], axis=1)
                 settled = free | shut if beside.shape[1] else np.zeros_like(asked)
-                hidden = _hidden(scene, atlas, chosen[at], cells, asked & ~settled)
+                hidden = _hidden(scene, position, atlas.geometric_normal(chosen[at]), cells, asked & ~settled)
                 words[at] = ~(hidden | (asked & settled & shut))
                 return len(at)
 
@@ -162,9 +163,8 @@ def _traced(scene: RayScene, atlas: Atlas, chosen: I64, progress: Progress) -> U
     return words
 
 
-def _hidden(scene: RayScene, atlas: Atlas, texel: I64, cells: F32, asked: U64) -> U64:
-    """U64[T, 64]: which of the cells that are asked for are hidden."""
-    upright = atlas.geometric_normal(texel)
+def _hidden(scene: RayScene, position: F64, upright: F64, cells: F32, asked: U64) -> U64:
+    """U64[T, 64]: which of the cells that are asked for are hidden from points on triangles."""
     flat = upright.astype(np.float32)
     owner, cell = np.nonzero(_unpacked(asked))
     direction = cells[cell]
@@ -172,8 +172,8 @@ def _hidden(scene: RayScene, atlas: Atlas, texel: I64, cells: F32, asked: U64) -
     sine = (flat @ cells.T)[owner, cell]
     low = np.flatnonzero(sine < LIFT)
     direction[low] += (LIFT - sine[low])[:, None] * flat[owner[low]]
-    origin = atlas.position(texel) + scene.epsilon * upright
-    hidden: Bool = np.zeros((len(texel), len(cells)), dtype=bool)
+    origin = position + scene.epsilon * upright
+    hidden: Bool = np.zeros((len(position), len(cells)), dtype=bool)
     hidden[owner, cell] = scene.occluded_in_unit_ball(scene.in_unit_ball(origin)[owner], direction)
     return _packed(hidden)
 
