@@ -19,7 +19,7 @@ from ..solve import Search, Solution, sparse_blend
 from ..surface import Atlas, each_of
 from .budget import Budget
 
-MANY = 1 << 20
+MANY = 1 << 18
 """Seen texels that an unseen one's nearest is looked for among: a larger atlas is thinned, to save memory."""
 
 
