@@ -124,7 +124,7 @@ def test_tiles_are_cut_at_even_counts_of_pairs(capture: Path, monkeypatch: pytes
     )
     seen, counts = found.observations.seen, found.observations.coverage
     for pairs in (1, 2, 50, 333, 1 << 30):
-        total = np.cumsum(counts[seen])
+        total = np.cumsum(counts[seen], dtype=np.int64)
         cuts = np.searchsorted(total, np.arange(pairs, total[-1], pairs), side="right")
         plain = [part for part in np.split(seen, np.unique(cuts)) if len(part)]
         for counted in (1, 7, 1 << 18):

@@ -77,7 +77,7 @@ def points(position: F64, normal: F64) -> Atlas:
     number = np.arange(count, dtype=np.int32)
     normal = np.broadcast_to(normal, position.shape).astype(float)
     mesh = Mesh(position, np.repeat(number[:, None], 3, axis=1), normal, np.zeros((count, 2)))
-    return Atlas(count, mesh, number[None], number, number, normal, np.ones(count))
+    return Atlas(count, mesh, number, number, normal, np.ones(count))
 
 
 @pytest.mark.parametrize(("scale", "shift"), [(1.0, 0.0), (0.01, 0.5), (1000.0, 4e4)])

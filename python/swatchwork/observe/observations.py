@@ -11,7 +11,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from swatchwork.arrays import F32, F64, I32, I64, dot, unit
+from swatchwork.arrays import F32, F64, I32, I64, U16, dot, unit
 from swatchwork.capture import Capture, Frame, Photograph, read_photograph
 from swatchwork.errors import CaptureWarning, InputError
 from swatchwork.keeping import IN_MEMORY, Array, Keeper, Kept
@@ -57,23 +57,23 @@ class Observations:
     """What each frame shows of each texel. Samples stay where the keeper put them, frame by frame.
 
     ``viewer`` F64[k, 3], camera positions; ``samples``, a frame each: ``texel`` I32[S], rising, and
-    ``radiance`` F32[S, 3]; ``coverage`` I32[M], views of each texel; ``starts`` I64[k, blocks + 1], where
+    ``radiance`` F32[S, 3]; ``coverage`` U16[M], views of each texel; ``starts`` I64[k, blocks + 1], where
     each block of texels begins in each frame's samples.
     """
 
     atlas: Atlas
     viewer: F64
     samples: tuple[Kept, ...]
-    coverage: I32
+    coverage: U16
     starts: I64
 
     def __len__(self) -> int:
         return int(self.starts[:, -1].sum())
 
     @property
-    def seen(self) -> I64:
+    def seen(self) -> I32:
         """Texels that some view sees."""
-        return np.flatnonzero(self.coverage)
+        return np.flatnonzero(self.coverage).astype(np.int32)
 
     def pairs(self, texels: I64) -> SeenPairs:
         """The pairs of ``texels`` [T], which must rise."""
@@ -157,7 +157,7 @@ def observe(
             _check_silhouette(capture, frame, float(kept.rows("overlap")[0]))
             samples.append(kept)
             task.advance()
-    coverage = np.zeros(len(atlas), dtype=np.int32)
+    coverage = np.zeros(len(atlas), dtype=np.uint16)
     edges = np.arange(0, len(atlas) + BLOCK, BLOCK)
     starts = np.zeros((len(samples), len(edges)), dtype=np.int64)
     for kept, start in zip(samples, starts, strict=True):

@@ -53,10 +53,10 @@ def stratified(observations: Observations, count: int, seed: int) -> I64:
     """About ``count`` texels that some view sees: a random one of each equal run along the atlas."""
     seen = observations.seen
     if count >= len(seen):
-        return seen
+        return seen.astype(np.int64)
     edges = np.linspace(0, len(seen), count + 1)
     places = edges[:-1] + np.random.default_rng(seed).random(count) * np.diff(edges)
-    return seen[np.unique(places.astype(np.int64))]
+    return seen[np.unique(places.astype(np.int64))].astype(np.int64)
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,7 @@ class Rendering:
         count = len(representatives)
         return self._each(pairs, count, lambda *a: representative_responses(basis, representatives, *a))
 
-    def tiles(self, texels: I64, pairs_at_once: int) -> Iterator[I64]:
+    def tiles(self, texels: I32 | I64, pairs_at_once: int) -> Iterator[I64]:
         """``texels`` cut into runs that have about ``pairs_at_once`` pairs each."""
         first, before = 0, 0
         for start in range(0, len(texels), COUNTED):
@@ -143,11 +143,11 @@ class Rendering:
             full = np.arange(-(-before // pairs_at_once), (int(counts[-1]) - 1) // pairs_at_once + 1)
             for cut in start + np.unique(np.searchsorted(counts, full * pairs_at_once, side="right")):
                 if cut > first:
-                    yield texels[first:cut]
+                    yield texels[first:cut].astype(np.int64)
                     first = cut
             before = int(counts[-1])
         if first < len(texels):
-            yield texels[first:]
+            yield texels[first:].astype(np.int64)
 
     def relative_error(self, pairs: Pairs, squared_error: F64) -> F64:
         """|s_hat - s| / |s_hat| [T] of texels, from |s_hat - s|^2; near-black ones count as dark grey."""

@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..arrays import F32, I64, U8
+from ..arrays import F32, I32, I64, U8
 from ..keeping import IN_MEMORY, Array, Keeper
 from ..observe import Rendering
 from ..progress import SILENT, Progress
@@ -69,11 +69,11 @@ def blend_every_texel(
     return TexelBlend(index, weight, residual)
 
 
-def _nearest(atlas: Atlas, seen: I64, unseen: I64) -> I64:
+def _nearest(atlas: Atlas, seen: I32, unseen: I64) -> I32:
     """The seen texel nearest to each unseen one, among MANY of them."""
-    among = seen[:: -(-len(seen) // MANY)]
+    among = seen[:: -(-len(seen) // MANY)].astype(np.int64)
     tree = cKDTree(atlas.position(among))
-    found = np.empty(len(unseen), dtype=np.int64)
+    found = np.empty(len(unseen), dtype=np.int32)
 
     def fill(part: slice) -> None:
         found[part] = among[tree.query(atlas.position(unseen[part]))[1]]

@@ -27,14 +27,13 @@ CHUNK = 1 << 18
 class Atlas:
     """M texels of a square atlas, ordered by row, then column; row 0 is v = 1.
 
-    ``texel_at`` I32[H, W], the texel's number or -1; ``pixel`` I32[M], row * W + column; ``face`` I32[M];
-    ``face_normal`` F64[F, 3], unit; ``face_footprint`` F64[F], area of surface in a texel of each face
-    (world units squared). A texel takes 8 bytes and a pixel 4: where texels lie is computed when asked.
+    ``pixel`` I32[M], row * W + column; ``face`` I32[M]; ``face_normal`` F64[F, 3], unit; ``face_footprint``
+    F64[F], area of surface in a texel of each face (world units squared). A texel takes 8 bytes: what else
+    there is of it is computed when asked.
     """
 
     resolution: int
     mesh: Mesh
-    texel_at: I32
     pixel: I32
     face: I32
     face_normal: F64
@@ -42,6 +41,13 @@ class Atlas:
 
     def __len__(self) -> int:
         return len(self.pixel)
+
+    @property
+    def texel_at(self) -> I32:
+        """[H, W]: the texel's number at each pixel, or -1."""
+        found = np.full(self.resolution**2, -1, dtype=np.int32)
+        found[self.pixel] = np.arange(len(self), dtype=np.int32)
+        return found.reshape(self.resolution, self.resolution)
 
     @property
     def row(self) -> I32:
@@ -106,17 +112,13 @@ def build_atlas(mesh: Mesh, resolution: int) -> Atlas:
         raise InputError(
             "no texel lies on the surface", expected="UVs inside [0, 1]", hint="Raise --resolution."
         )
-    face = at[pixel]
-    # The image of faces becomes that of texels.
-    at[pixel] = np.arange(len(pixel), dtype=np.int32)
     cross = mesh.crosses
     stretch = np.linalg.norm(cross, axis=1) / np.maximum(flat_areas, 1e-300)
     return Atlas(
         resolution=resolution,
         mesh=mesh,
-        texel_at=at.reshape(resolution, resolution),
         pixel=pixel,
-        face=face,
+        face=at[pixel],
         face_normal=unit(cross),
         face_footprint=stretch / resolution**2,
     )
@@ -149,8 +151,12 @@ def uv_doubled_areas(mesh: Mesh) -> F64:
 
 def padded(atlas: Atlas) -> I32:
     """I32[H, W]: the texel at each pixel, or the nearest one in the gutter, for lookups across seams."""
-    nearest = distance_transform_edt(atlas.texel_at < 0, return_distances=False, return_indices=True)
-    return np.asarray(atlas.texel_at[nearest[0], nearest[1]])
+    texel_at = atlas.texel_at
+    row, col = distance_transform_edt(texel_at < 0, return_distances=False, return_indices=True)
+    found = np.empty_like(texel_at)
+    for i in range(atlas.resolution):
+        found[i] = texel_at[row[i], col[i]]
+    return found
 
 
 def default_resolution(mesh: Mesh, cameras: Sequence[Camera]) -> int:

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import sys
 import time
 from collections.abc import Iterator
@@ -38,6 +39,7 @@ class CostRecorder:
         """See ``Progress.stage``."""
         outermost = self._depth == 0
         if outermost:
+            return_freed_memory()
             reset_peak_memory()
         start = time.perf_counter()
         self._depth += 1
@@ -48,6 +50,13 @@ class CostRecorder:
             self._depth -= 1
             if outermost:
                 self.costs.append(StageCost(name, time.perf_counter() - start, peak_memory_mb()))
+
+
+def return_freed_memory() -> None:
+    """Hand freed memory back to the system: glibc keeps blocks of up to 32 MB (90 MB at 2048 x 2048)."""
+    if sys.platform == "linux":
+        with suppress(OSError, AttributeError):
+            ctypes.CDLL(None).malloc_trim(0)
 
 
 def reset_peak_memory() -> None:

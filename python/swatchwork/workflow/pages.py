@@ -15,7 +15,6 @@ from ..light import Environment
 from ..material import Material
 from ..reconstruct import Reconstruction
 from ..relight import RelitScene, render
-from ..surface import padded
 from .costs import StageCost
 from .pictures import (
     ERROR_SCALE,
@@ -103,7 +102,7 @@ def relit(found: Reconstruction) -> RelitScene:
         rays=found.scene,
         basis=found.basis,
         representatives=found.solution.representatives,
-        texel_of_pixel=padded(found.observations.atlas),
+        texel_of_pixel=found.texel_of_pixel,
         index=found.blend.index,
         weight=found.blend.weight,
         sky=found.rendering.sky,

@@ -20,12 +20,13 @@ import numpy as np
 
 from ..capture import Capture, read_capture
 from ..errors import CaptureWarning
+from ..keeping import Array
 from ..material import BasisRecord, Material, normal_albedo, whole_folder, write_material
 from ..progress import SILENT, Progress
 from ..reconstruct import Reconstruction, ReconstructOptions, reconstruct
 from ..report import Report, write_report
 from ..response import instruction_sets
-from ..surface import buffers_of, padded
+from ..surface import buffers_of
 from .checkpoints import checkpoints
 from .costs import CostRecorder, StageCost
 from .pages import reconstruction_report
@@ -180,11 +181,19 @@ def collected_warnings() -> Iterator[list[str]]:
 def material_of(found: Reconstruction, prints: dict[str, str]) -> Material:
     """The reconstruction as images over the atlas; gutters repeat their nearest texel, for filters."""
     atlas, basis, solution = found.observations.atlas, found.basis, found.solution
-    nearest = padded(atlas)
     assert found.mesh.uv is not None, "the atlas was made from them"
-    views = found.observations.coverage
     on_atlas = atlas.texel_at >= 0
-    residual = np.nan_to_num(found.blend.residual)
+
+    def at_pixels(values: Array, off: float | None = None) -> Any:
+        """Values of the texels as an image; off the atlas ``off``, or the nearest texel's."""
+        image = np.empty((*on_atlas.shape, *values.shape[1:]), dtype=values.dtype)
+        # Row by row: numbers of all pixels at once would be as large as the image.
+        for row, texel, here in zip(image, found.texel_of_pixel, on_atlas, strict=True):
+            row[:] = values[texel]
+            if off is not None:
+                row[~here] = off
+        return image
+
     record = BasisRecord(
         basis.name,
         tuple(map(float, basis.sigmas)),
@@ -195,10 +204,10 @@ def material_of(found: Reconstruction, prints: dict[str, str]) -> Material:
     return Material(
         basis=record,
         representatives=solution.representatives,
-        index=found.blend.index[nearest],
-        weight=found.blend.weight[nearest],
-        coverage=np.where(on_atlas, views[nearest], -1).astype(np.int32),
-        residual=np.where(on_atlas, residual[nearest], 0).astype(np.float32),
+        index=at_pixels(found.blend.index),
+        weight=at_pixels(found.blend.weight),
+        coverage=at_pixels(found.observations.coverage.astype(np.int32), off=-1),
+        residual=at_pixels(np.nan_to_num(found.blend.residual), off=0),
         vertices=found.mesh.vertices,
         faces=found.mesh.faces,
         normals=found.mesh.normals,
@@ -291,7 +300,7 @@ def summarise(
         n=int(found.blend.index.shape[1]),
         N=len(found.solution.representatives),
         status=found.solution.status,
-        misfit=float(np.sqrt(np.mean(found.blend.residual[seen].astype(np.float64) ** 2))),
+        misfit=float(np.sqrt(np.mean(np.square(found.blend.residual[seen]), dtype=np.float64))),
         lambda0=float(found.solution.lambda0),
         lambda1=float(found.solution.lambda1),
         seconds=time.perf_counter() - start,
