@@ -8,7 +8,8 @@
 On Table 1's DustSph, simulated, and on sphere-merl where --captures has it. "Every texel" searches n and N on
 all texels from the first model on. Finished runs stay in target/bench/streaming; delete a file to repeat it.
 
-Columns: n, N found; seconds of all cores and peak memory; novel-light NRMS in %, and every texel's over the subset's.
+Columns: n, N found; seconds of all cores and peak memory; novel-light NRMS in %, and every texel's over the
+subset's.
 """
 
 from __future__ import annotations
