@@ -340,6 +340,7 @@ def render(descent: Descent, test: Capture, folder: Path, samples: int) -> None:
 def checkpoints(at: list[float], most: float) -> list[float]:
     """Times at which to score: those given, then doubling up to ``most``."""
     times = sorted(t for t in at if t < most) or [most / 4]
+    # The last is ``most`` itself, and none comes just before it.
     while 2.1 * times[-1] < most:
         times.append(2 * times[-1])
     return [*times, most]

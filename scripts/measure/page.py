@@ -215,7 +215,6 @@ SECTIONS: dict[str, tuple[str, Callable[[Figures], str]]] = {
     "exactness": ("Exactness", exactness_section),
     "two_of_four": ("Two of four materials", two_of_four_section),
     "two_of_four-paper-order": ("Two of four materials, in the paper's search order", two_of_four_section),
-    "two_of_four-extended": ("Two of four materials, extended basis", two_of_four_section),
     "shadows": ("Shared shadows", shadows_section),
     "captures": ("Captures of measured materials", captures_section),
 }
