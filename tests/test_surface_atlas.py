@@ -17,6 +17,7 @@ from swatchwork.surface import (
     Mesh,
     build_atlas,
     default_resolution,
+    fill_gutter,
     has_injective_uv,
     mesh_from_arrays,
     padded,
@@ -100,6 +101,11 @@ def test_gutter_takes_the_nearest_texel() -> None:
     away = (rows[:, None] - atlas.row) ** 2 + (cols[:, None] - atlas.col) ** 2
     chosen = away[np.arange(len(rows)), near.ravel()]
     np.testing.assert_array_equal(chosen, away.min(axis=1))
+    values = np.random.default_rng(0).random((len(atlas), 3))
+    image = np.full((32, 32, 3), np.nan)
+    image.reshape(-1, 3)[atlas.pixel] = values
+    fill_gutter(image, atlas, near)
+    np.testing.assert_array_equal(image, values[near])
 
 
 def test_overlaps_tiling_and_missing_uvs_are_told() -> None:

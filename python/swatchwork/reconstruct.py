@@ -5,9 +5,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property
 
-from .arrays import I32
 from .capture import Capture
 from .errors import InputError
 from .keeping import IN_MEMORY, Array, Keeper
@@ -23,7 +21,6 @@ from .surface import (
     SkyMasks,
     build_atlas,
     default_resolution,
-    padded,
     parametrised,
     read_mesh,
     sky_masks,
@@ -58,11 +55,6 @@ class Reconstruction:
     basis: GenericBasis
     solution: Solution
     blend: TexelBlend
-
-    @cached_property
-    def texel_of_pixel(self) -> I32:
-        """[H, W]: the texel at each pixel of the atlas, in the gutter the nearest one."""
-        return padded(self.observations.atlas)
 
 
 def reconstruct(

@@ -14,7 +14,7 @@ from ..errors import InputError
 from ..material import Material
 from ..progress import SILENT, Progress
 from ..reflectance import GenericBasis
-from ..surface import Mesh, RayScene, SkyMasks, build_atlas, padded, sky_masks
+from ..surface import Mesh, RayScene, SkyMasks, build_atlas, fill_gutter, padded, sky_masks
 
 SKY_SAMPLES = 64_000
 """Surface samples that share their self-shadow masks with the texels around them."""
@@ -32,9 +32,9 @@ class RelitScene:
     texel_of_pixel: I32
     """[H, W]: the texel at each atlas pixel, in the gutter the nearest one."""
     index: U8 | U32
-    """[M, n]"""
+    """[H, W, n], each pixel of the gutter as its nearest texel"""
     weight: F32
-    """[M, n]"""
+    """[H, W, n]"""
     sky: SkyMasks
 
     @classmethod
@@ -58,6 +58,10 @@ class RelitScene:
             )
         rays = RayScene([mesh, *occluders])
         record = material.basis
+        texel_of_pixel = padded(atlas)
+        index, weight = material.index.copy(), material.weight.copy()
+        for image in (index, weight):
+            fill_gutter(image, atlas, texel_of_pixel)
         return cls(
             mesh=mesh,
             rays=rays,
@@ -69,9 +73,9 @@ class RelitScene:
                 record.fresnel,
             ),
             representatives=material.representatives,
-            texel_of_pixel=padded(atlas),
-            index=material.index.reshape(-1, material.n)[atlas.pixel],
-            weight=material.weight.reshape(-1, material.n)[atlas.pixel],
+            texel_of_pixel=texel_of_pixel,
+            index=index,
+            weight=weight,
             sky=sky_masks(rays, atlas, SKY_SAMPLES, progress),
         )
 
@@ -88,9 +92,10 @@ class RelitScene:
         at = np.arange(len(uv))
         for dy, dx in ((0, 0), (0, 1), (1, 0), (1, 1)):
             share = (fy if dy else 1 - fy) * (fx if dx else 1 - fx)
-            texel = self.texel_of_pixel[np.clip(row + dy, 0, size - 1), np.clip(col + dx, 0, size - 1)]
-            for i in range(self.index.shape[1]):
-                found[at, self.index[texel, i]] += (share * self.weight[texel, i]).astype(np.float32)
+            pixel = np.clip(row + dy, 0, size - 1), np.clip(col + dx, 0, size - 1)
+            index, weight = self.index[pixel], self.weight[pixel]
+            for i in range(index.shape[1]):
+                found[at, index[:, i]] += (share * weight[:, i]).astype(np.float32)
         return found
 
     def texel_at(self, uv: F64) -> I64:

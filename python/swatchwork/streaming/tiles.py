@@ -16,7 +16,7 @@ from ..observe import Rendering
 from ..progress import SILENT, Progress
 from ..reflectance import GenericBasis
 from ..solve import Search, Solution, sparse_blend
-from ..surface import Atlas, each_of
+from ..surface import Atlas, each_of, fill_gutter, padded
 from .budget import Budget
 
 MANY = 1 << 18
@@ -25,14 +25,20 @@ MANY = 1 << 18
 
 @dataclass(frozen=True)
 class TexelBlend:
-    """The blend of M texels; one that no view sees takes that of the nearest seen."""
+    """The blend of every texel, as images over the atlas.
+
+    A texel that no view sees takes the blend of the nearest seen, a pixel of the gutter that of its nearest
+    texel. They are images from the start, for a second copy of them would be most of a large atlas's memory.
+    """
 
     index: U8
-    """[M, n] representatives blended at each texel."""
+    """[H, W, n] representatives blended at each texel."""
     weight: F32
-    """[M, n] their weights; they sum to 1."""
+    """[H, W, n] their weights; they sum to 1."""
     residual: F32
-    """[M] relative error of each texel's measurements, NaN where no view sees it."""
+    """[H, W] relative error of each texel's measurements, 0 where no view sees it and in the gutter."""
+    texel_of_pixel: I32
+    """[H, W] the texel at each pixel, in the gutter the nearest one."""
 
 
 def blend_every_texel(
@@ -50,23 +56,32 @@ def blend_every_texel(
     The exact search gives the same blends whatever the budget; the pruned one samples each tile by itself.
     """
     observations, n = rendering.observations, solution.n
-    M = len(observations.coverage)
-    index, weight = np.zeros((M, n), dtype=np.uint8), np.zeros((M, n), dtype=np.float32)
-    residual = np.full(M, np.nan, dtype=np.float32)
-    seen = observations.seen
+    atlas, seen = observations.atlas, observations.seen
+    pixel, size = atlas.pixel, atlas.resolution
+    index, weight = (np.zeros((size * size, n), dtype=kind) for kind in (np.uint8, np.float32))
+    residual = np.zeros(size * size, dtype=np.float32)
     pairs_at_once = (budget or Budget()).tile(solution.N)
     with progress.stage("Blending texels", len(seen)) as task:
         for number, tile in enumerate(rendering.tiles(seen, pairs_at_once)):
             make = partial(blend_tile, rendering, basis, solution, tile, search, seed)
             found = keeper.kept(f"blend-{number:05d}", make)
-            index[tile], weight[tile] = found.rows("index"), found.rows("weight")
-            residual[tile] = found.rows("residual")
+            at = pixel[tile]
+            index[at], weight[at] = found.rows("index"), found.rows("weight")
+            residual[at] = found.rows("residual")
             task.advance(len(tile))
     unseen = np.flatnonzero(observations.coverage == 0)
     if len(unseen):
-        nearest = _nearest(observations.atlas, seen, unseen)
-        index[unseen], weight[unseen] = index[nearest], weight[nearest]
-    return TexelBlend(index, weight, residual)
+        at, nearest = pixel[unseen], pixel[_nearest(atlas, seen, unseen)]
+        index[at], weight[at] = index[nearest], weight[nearest]
+    blend = TexelBlend(
+        index.reshape(size, size, n),
+        weight.reshape(size, size, n),
+        residual.reshape(size, size),
+        padded(atlas),
+    )
+    for image in (blend.index, blend.weight):
+        fill_gutter(image, atlas, blend.texel_of_pixel)
+    return blend
 
 
 def _nearest(atlas: Atlas, seen: I32, unseen: I64) -> I32:

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: MIT
 """Surface: meshes, their atlas of texels, and what sees what."""
 
-from swatchwork.surface.atlas import Atlas, build_atlas, default_resolution, padded
+from swatchwork.surface.atlas import Atlas, build_atlas, default_resolution, fill_gutter, padded
 from swatchwork.surface.files import buffers_of, read_mesh
 from swatchwork.surface.mesh import Mesh, mesh_from_arrays, write_mesh_obj
 from swatchwork.surface.rays import GRAZING, Hit, RayScene, each_of, sees
@@ -20,6 +20,7 @@ __all__ = [
     "build_atlas",
     "default_resolution",
     "each_of",
+    "fill_gutter",
     "has_injective_uv",
     "mesh_from_arrays",
     "padded",

@@ -14,6 +14,7 @@ from scipy.ndimage import distance_transform_edt
 from swatchwork.arrays import F32, F64, I32, I64, norm, unit
 from swatchwork.capture import Camera
 from swatchwork.errors import InputError
+from swatchwork.keeping import Array
 from swatchwork.surface.mesh import Mesh
 from swatchwork.surface.raster import barycentric, covered_centres
 
@@ -157,6 +158,16 @@ def padded(atlas: Atlas) -> I32:
     for i in range(atlas.resolution):
         found[i] = texel_at[row[i], col[i]]
     return found
+
+
+def fill_gutter(image: Array, atlas: Atlas, texel_of_pixel: I32) -> None:
+    """Give each pixel in the gutter of an image [H, W, ...] its nearest texel's value, in place."""
+    flat = image.reshape(atlas.resolution**2, *image.shape[2:])
+    on_atlas = np.zeros(texel_of_pixel.shape, dtype=bool)
+    on_atlas.ravel()[atlas.pixel] = True
+    # Row by row: places of all pixels at once would be as large as the image.
+    for row, texel, here in zip(image, texel_of_pixel, on_atlas, strict=True):
+        row[~here] = flat[atlas.pixel[texel[~here]]]
 
 
 def default_resolution(mesh: Mesh, cameras: Sequence[Camera]) -> int:

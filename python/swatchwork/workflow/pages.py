@@ -102,7 +102,7 @@ def relit(found: Reconstruction) -> RelitScene:
         rays=found.scene,
         basis=found.basis,
         representatives=found.solution.representatives,
-        texel_of_pixel=found.texel_of_pixel,
+        texel_of_pixel=found.blend.texel_of_pixel,
         index=found.blend.index,
         weight=found.blend.weight,
         sky=found.rendering.sky,

@@ -20,7 +20,6 @@ import numpy as np
 
 from ..capture import Capture, read_capture
 from ..errors import CaptureWarning
-from ..keeping import Array
 from ..material import BasisRecord, Material, normal_albedo, whole_folder, write_material
 from ..progress import SILENT, Progress
 from ..reconstruct import Reconstruction, ReconstructOptions, reconstruct
@@ -182,18 +181,8 @@ def material_of(found: Reconstruction, prints: dict[str, str]) -> Material:
     """The reconstruction as images over the atlas; gutters repeat their nearest texel, for filters."""
     atlas, basis, solution = found.observations.atlas, found.basis, found.solution
     assert found.mesh.uv is not None, "the atlas was made from them"
-    on_atlas = atlas.texel_at >= 0
-
-    def at_pixels(values: Array, off: float | None = None) -> Any:
-        """Values of the texels as an image; off the atlas ``off``, or the nearest texel's."""
-        image = np.empty((*on_atlas.shape, *values.shape[1:]), dtype=values.dtype)
-        # Row by row: numbers of all pixels at once would be as large as the image.
-        for row, texel, here in zip(image, found.texel_of_pixel, on_atlas, strict=True):
-            row[:] = values[texel]
-            if off is not None:
-                row[~here] = off
-        return image
-
+    coverage = np.full(atlas.resolution**2, -1, dtype=np.int32)
+    coverage[atlas.pixel] = found.observations.coverage
     record = BasisRecord(
         basis.name,
         tuple(map(float, basis.sigmas)),
@@ -204,10 +193,10 @@ def material_of(found: Reconstruction, prints: dict[str, str]) -> Material:
     return Material(
         basis=record,
         representatives=solution.representatives,
-        index=at_pixels(found.blend.index),
-        weight=at_pixels(found.blend.weight),
-        coverage=at_pixels(found.observations.coverage.astype(np.int32), off=-1),
-        residual=at_pixels(np.nan_to_num(found.blend.residual), off=0),
+        index=found.blend.index,
+        weight=found.blend.weight,
+        coverage=coverage.reshape(found.blend.residual.shape),
+        residual=found.blend.residual,
         vertices=found.mesh.vertices,
         faces=found.mesh.faces,
         normals=found.mesh.normals,
@@ -288,19 +277,20 @@ def summarise(
     resumed: bool,
 ) -> ReconstructSummary:
     """The plain numbers of a reconstruction begun at ``start`` (seconds of ``time.perf_counter``)."""
-    seen = np.isfinite(found.blend.residual)
+    atlas, seen = found.observations.atlas, found.observations.seen
+    residual = found.blend.residual.ravel()[atlas.pixel[seen]]
     return ReconstructSummary(
         capture=str(capture.file),
         output=str(output),
         basis=found.basis.name,
         views=len(capture.frames),
-        resolution=found.observations.atlas.resolution,
-        texels=len(seen),
-        unseen=int(np.count_nonzero(~seen)),
-        n=int(found.blend.index.shape[1]),
+        resolution=atlas.resolution,
+        texels=len(atlas),
+        unseen=len(atlas) - len(seen),
+        n=found.solution.n,
         N=len(found.solution.representatives),
         status=found.solution.status,
-        misfit=float(np.sqrt(np.mean(np.square(found.blend.residual[seen]), dtype=np.float64))),
+        misfit=float(np.sqrt(np.mean(np.square(residual), dtype=np.float64))),
         lambda0=float(found.solution.lambda0),
         lambda1=float(found.solution.lambda1),
         seconds=time.perf_counter() - start,
