@@ -21,6 +21,7 @@ from .evaluate import evaluate
 from .info import info
 from .reconstruct import reconstruct
 from .relight import relight
+from .reproduce import reproduce
 
 HELP = """
 Recover what an object is made of from a few photographs under known natural light, and render it elsewhere.
@@ -67,7 +68,7 @@ def _common(
     pass
 
 
-for command in (reconstruct, relight, evaluate, demo, info):
+for command in (reconstruct, relight, evaluate, demo, reproduce, info):
     text, _, examples = (command.__doc__ or "").partition("Examples:")
     app.command(help=text, epilog=f"[bold]Examples:[/bold]\n\n{dedent(examples).strip()}")(command)
 

@@ -16,17 +16,25 @@ from .materials import (
     many_materials,
     satin_materials,
 )
+from .measured import MeasuredBrdf, material_names, read_merl_binary, read_neural_brdf, read_npf
 from .photographs import Subject, photograph
-from .problem import Pairs, SyntheticProblem, fibonacci_sphere, two_of_four
+from .problem import Pairs, SyntheticProblem, fibonacci_sphere, two_of_four, visible_pairs
+from .quadrature import measured_responses
 from .shapes import SHAPES, shape
+from .spheres import KernelMaterials, MeasuredMaterials, Sphere, SphereCapture, nrms
 from .viewpoints import camera_towards, look_at, random_directions, ring_directions
 
 __all__ = [
     "KINDS",
     "SHAPES",
+    "KernelMaterials",
     "Lobe",
+    "MeasuredBrdf",
+    "MeasuredMaterials",
     "Pairs",
     "Recipe",
+    "Sphere",
+    "SphereCapture",
     "Subject",
     "SyntheticCapture",
     "SyntheticProblem",
@@ -41,12 +49,19 @@ __all__ = [
     "in_ggx",
     "look_at",
     "many_materials",
+    "material_names",
+    "measured_responses",
+    "nrms",
     "photograph",
     "procedural_environment",
     "random_directions",
+    "read_merl_binary",
+    "read_neural_brdf",
+    "read_npf",
     "ring_directions",
     "satin_materials",
     "shape",
     "simulate_capture",
     "two_of_four",
+    "visible_pairs",
 ]

@@ -29,7 +29,10 @@ MERL_SCALE = (1.0 / 1500.0, 1.15 / 1500.0, 1.66 / 1500.0)
 class MeasuredBrdf(Protocol):
     """A reflectance without parameters."""
 
-    name: str
+    @property
+    def name(self) -> str:
+        """Of the material."""
+        ...
 
     def evaluate(self, i_in_local: Float, o_in_local: Float) -> F64:
         """BRDF values [..., 3] in 1/sr for unit directions to the light and to the viewer, both [..., 3]."""

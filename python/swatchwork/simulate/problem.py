@@ -117,9 +117,9 @@ def two_of_four(
     light = environment or procedural_environment("room", seed)
     novel_light = novel_environment or procedural_environment("sky", seed + 1)
     normal = fibonacci_sphere(texels)
-    pairs = _pairs(normal, random_directions(k, seed))
+    pairs = visible_pairs(normal, random_directions(k, seed))
     normal = normal[np.unique(pairs.texel)]
-    pairs = _pairs(normal, random_directions(k, seed))
+    pairs = visible_pairs(normal, random_directions(k, seed))
 
     recipes = four_materials(seed)[:materials]
     truth_basis = ggx_basis() if truth == "ggx" else basis
@@ -138,7 +138,7 @@ def two_of_four(
     radiance = radiance * (1 + noise_percent / 100 * rng.normal(size=radiance.shape))
 
     # Views of another seed: none of them was measured.
-    novel_pairs = _pairs(normal, random_directions(TEST_VIEWS, seed + 10_000))
+    novel_pairs = visible_pairs(normal, random_directions(TEST_VIEWS, seed + 10_000))
     return SyntheticProblem(
         basis=basis,
         normal=normal,
@@ -163,7 +163,7 @@ def fibonacci_sphere(count: int) -> F64:
     return np.stack([r * np.cos(phi), r * np.sin(phi), z], axis=-1)
 
 
-def _pairs(normal: F64, view_directions: F64) -> Pairs:
+def visible_pairs(normal: F64, view_directions: F64) -> Pairs:
     """Pairs of a unit sphere's points and cameras at DISTANCE; a convex shape hides nothing else."""
     to_viewer = unit(DISTANCE * view_directions[None] - normal[:, None])
     cosine = np.einsum("mkc,mc->mk", to_viewer, normal)

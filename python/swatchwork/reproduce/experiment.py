@@ -1,0 +1,90 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""What an experiment is: figures from a setting, and from the figures alone the verdict on each claim."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ..progress import SILENT, Progress
+from .data import Data
+
+Figures = dict[str, Any]
+"""Plain numbers, as JSON holds them."""
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One statement of the paper, and what was found."""
+
+    paper: str
+    """What the paper says."""
+    found: str
+    """Our figure, in words."""
+    holds: bool
+    why: str = ""
+    """Where it does not hold, or holds otherwise: why."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Figures for the page."""
+
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    caption: str = ""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What an experiment runs with."""
+
+    data: Data
+    folder: Path
+    """Pictures and finished parts go here."""
+    quick: bool = False
+    """Few texels, views, trials: a check that everything runs, with figures that are only a hint."""
+    progress: Progress = field(default=SILENT)
+
+    def pick(self, whole: Any, quick: Any) -> Any:
+        """A number of the whole experiment, or of the quick one."""
+        return quick if self.quick else whole
+
+    def kept(self, name: str, make: Callable[[], Figures]) -> Figures:
+        """The figures of a part: from an earlier run that was interrupted, or made now and kept."""
+        file = self.folder / "parts" / f"{name}.json"
+        if file.exists():
+            found: Figures = json.loads(file.read_text(encoding="utf-8"))
+            return found
+        made = make()
+        write_whole(file, json.dumps(made))
+        return made
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A figure or a text of the paper."""
+
+    name: str
+    """On the command line."""
+    title: str
+    run: Callable[[Setting], Figures]
+    claims: Callable[[Figures], list[Claim]]
+    tables: Callable[[Figures], list[Table]]
+    minutes: float
+    """About, on two cores."""
+    how: str
+    """What was done, in a few sentences for the page."""
+
+
+def write_whole(file: Path, text: str) -> None:
+    """Write a file so that it is there whole or not at all."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    part = file.with_name(file.name + ".part")
+    part.write_text(text, encoding="utf-8")
+    os.replace(part, file)

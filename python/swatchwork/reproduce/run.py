@@ -1,0 +1,128 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""Run experiments one after another, keep their figures, and write the page."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from importlib.metadata import version
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from ..errors import InputError
+from ..progress import SILENT, Progress
+from .data import Data
+from .experiment import Claim, Experiment, Figures, Setting, write_whole
+from .fig4 import FIG4
+from .fig5 import FIG5
+from .fig6 import FIG6
+from .fig7 import FIG7
+from .fig8 import FIG8
+from .fig9 import FIG9
+from .page import page
+from .penalties import PENALTIES
+from .sensitivity import FIG10, FIG11
+
+EXPERIMENTS = (FIG4, PENALTIES, FIG5, FIG6, FIG7, FIG8, FIG9, FIG10, FIG11)
+SAME_AS = {"fig3": "fig4"}
+"""Figures of the paper that one experiment measures together."""
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """What was run and found."""
+
+    output: str
+    page: str
+    claims: tuple[tuple[str, Claim], ...]
+    """Each with its experiment's name."""
+    seconds: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return asdict(self)
+
+    def in_words(self) -> str:
+        """A line for a person."""
+        held = sum(claim.holds for _, claim in self.claims)
+        return f"{held} of {len(self.claims)} claims hold; {self.page} says which ({self.seconds:.0f} s)"
+
+
+def reproduce(
+    names: Sequence[str],
+    output: str | PathLike[str],
+    *,
+    data: str | PathLike[str] | None = None,
+    quick: bool = False,
+    progress: Progress = SILENT,
+) -> Reproduction:
+    """Run the paper's experiments and write their page.
+
+    Args:
+        names: experiments, or "all". What an earlier run with the same data and size finished is kept.
+        output: folder of figures (NAME.json), pictures and reproduction.md.
+        data: folder of probes, materials and textures (data.py); procedural stand-ins without it.
+        quick: small versions of everything, to see that it runs.
+
+    Raises:
+        InputError: an unknown experiment, or the folder holds figures of other data or of the other size.
+    """
+    start = time.perf_counter()
+    chosen = experiments_of(names)
+    folder = Path(output)
+    given = Data(Path(data) if data is not None else None)
+    setting = Setting(given, folder, quick)
+    _agree(setting)
+    found: dict[str, Figures] = {}
+    with progress.stage("Experiments", sum(e.minutes for e in chosen)) as task:
+        for experiment in chosen:
+            task.describe(experiment.title)
+            file = folder / f"{experiment.name}.json"
+            if not file.exists():
+                before = time.perf_counter()
+                figures = experiment.run(replace(setting, progress=progress))
+                seconds = time.perf_counter() - before
+                write_whole(file, json.dumps({"figures": figures, "seconds": seconds}, indent=1) + "\n")
+            task.advance(experiment.minutes)
+    for experiment in EXPERIMENTS:
+        file = folder / f"{experiment.name}.json"
+        if file.exists():
+            found[experiment.name] = json.loads(file.read_text(encoding="utf-8"))
+    write_whole(folder / "reproduction.md", page(EXPERIMENTS, found, setting))
+    claims = tuple(
+        (experiment.name, claim)
+        for experiment in chosen
+        for claim in experiment.claims(found[experiment.name]["figures"])
+    )
+    return Reproduction(str(folder), str(folder / "reproduction.md"), claims, time.perf_counter() - start)
+
+
+def experiments_of(names: Sequence[str]) -> list[Experiment]:
+    """Experiments by name, in the paper's order."""
+    known = {e.name: e for e in EXPERIMENTS}
+    wanted = {SAME_AS.get(name, name) for name in names} or {"all"}
+    unknown = sorted(wanted - {*known, "all"})
+    if unknown:
+        raise InputError(f"no experiment {unknown[0]!r}", expected=f"all, or some of {', '.join(known)}")
+    return [e for e in EXPERIMENTS if "all" in wanted or e.name in wanted]
+
+
+def _agree(setting: Setting) -> None:
+    """Finished parts in the folder must be of the same package, data and size as what is to come."""
+    head = {"version": version("swatchwork"), "quick": setting.quick, "data": setting.data.words()}
+    file = setting.folder / "setting.json"
+    if not file.exists():
+        write_whole(file, json.dumps(head, indent=1) + "\n")
+        return
+    there = json.loads(file.read_text(encoding="utf-8"))
+    if there != head:
+        raise InputError(
+            f"holds figures of another setting: {there}",
+            file=setting.folder,
+            expected=str(head),
+            hint="Choose another folder, or remove this one",
+        )

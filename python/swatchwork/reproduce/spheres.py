@@ -1,0 +1,91 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""What the synthetic experiments share: capture a sphere, hand it to a method, see it under other light."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from ..arrays import F64
+from ..baselines import Measurements, Method, Recovered
+from ..light import Environment
+from ..reflectance import GenericBasis
+from ..response import representative_responses
+from ..simulate import Pairs, Sphere, SphereCapture, nrms, random_directions, visible_pairs
+
+TEST_VIEWS = 4
+TEST_SEED = 10_000
+"""Views of another seed: none of them is measured."""
+
+
+@dataclass(frozen=True, eq=False)
+class Test:
+    """A sphere under novel light from novel views: the truth that recovered materials are held against."""
+
+    light: Environment
+    pairs: Pairs
+    truth: F64
+    """[P, 3]"""
+
+    @classmethod
+    def of(cls, sphere: Sphere, light: Environment, seed: int = TEST_SEED) -> Test:
+        """Render the truth."""
+        pairs = visible_pairs(sphere.normal, random_directions(TEST_VIEWS, seed))
+        return cls(light, pairs, sphere.radiance(light, pairs))
+
+    def error(self, found: Recovered, weights: F64) -> float:
+        """NRMS of the pictures, by pixels, of a reflectance with weights [M, N] at all texels."""
+        return nrms(rendered(found, weights, self.light, self.pairs), self.truth, self.pairs)
+
+
+def rendered(found: Recovered, weights: F64, light: Environment, pairs: Pairs) -> F64:
+    """Radiance [P, 3] of a recovered reflectance."""
+    s = representative_responses(
+        found.basis, found.representatives, light.pyramid(), pairs.normal, pairs.to_viewer
+    )
+    return np.asarray(np.einsum("pn,pnc->pc", weights[pairs.texel], s, optimize=True))
+
+
+def measurements_of(capture: SphereCapture) -> Measurements:
+    """What a method sees of a captured sphere: texels in no view are left out."""
+    return Measurements(capture.basis, capture.responses, capture.radiance, capture.offsets)
+
+
+def recover(method: Method, capture: SphereCapture) -> tuple[Recovered, F64]:
+    """What a method finds, and its weights [M, N] at all texels: an unseen one has its nearest seen one's."""
+    found = method.recover(measurements_of(capture))
+    return found, found.weights[capture.nearest_seen]
+
+
+def run(
+    method: Method,
+    sphere: Sphere,
+    light: Environment,
+    views: F64,
+    basis: GenericBasis,
+    tests: Sequence[Test],
+    noise_percent: float = 0.0,
+    seed: int = 0,
+) -> dict[str, float | str]:
+    """Capture, recover, and measure: the mean NRMS over tests, and what was found."""
+    capture = sphere.captured(light, views, basis, noise_percent, seed)
+    found, weights = recover(method, capture)
+    errors = [test.error(found, weights) for test in tests]
+    return {
+        "method": method.name,
+        "k": len(views),
+        "nrms": float(np.mean(errors)),
+        "materials": found.materials,
+        "status": found.status,
+        **{f"found_{name}": value for name, value in found.found.items()},
+    }
+
+
+@lru_cache
+def views_of(trial: int, most: int = 96) -> F64:
+    """The views of a trial, uniform over the sphere; every method gets the first k of the same ones."""
+    return random_directions(most, 500 + trial)
