@@ -13,7 +13,7 @@ RUST_SOURCES := Cargo.toml Cargo.lock $(shell find crates -name target -prune -o
 VENV_ENV := env -u CONDA_PREFIX VIRTUAL_ENV="$(CURDIR)/$(VENV)"
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint format bench validate picture clean
+.PHONY: help setup demo test lint format bench validate reproduce picture clean
 
 help: ## list what there is to make
 	@awk -F':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -77,6 +77,11 @@ validate: setup ## measure exactness, synthetic blends, captures (hours); write 
 	$(BIN)/python scripts/measure/shadows.py --captures $(CAPTURES) --json $(FIGURES)/shadows.json
 	$(BIN)/python scripts/measure/captures.py --captures $(CAPTURES) --json $(FIGURES)/captures.json
 	$(BIN)/python scripts/measure/page.py --figures $(FIGURES) --page docs/validation.md
+
+# Finished parts are kept in target/reproduction; `rm -r` it to begin anew.
+reproduce: setup ## run the paper's experiments (hours); write docs/reproduction.md
+	$(BIN)/swatchwork reproduce all --data $(DATA) --captures $(CAPTURES) -o target/reproduction
+	cp target/reproduction/reproduction.md docs/reproduction.md
 
 picture: setup ## make the README's picture, docs/picture.png, from the demo
 	$(BIN)/swatchwork demo $(DEMO) --picture docs/picture.png

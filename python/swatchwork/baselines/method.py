@@ -14,6 +14,7 @@ import numpy as np
 from ..arrays import F32, F64, I64
 from ..reflectance import GenericBasis
 from ..solve import Problem
+from ..streaming import VIEWED
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +32,8 @@ class Measurements:
     @cached_property
     def problem(self) -> Problem:
         """The data of Eq. 5; its ``gamma`` [M] weights squared errors as relative ones."""
-        return Problem(self.responses, self.radiance, self.offsets)
+        albedo = np.stack([self.basis.albedo(n_o) for n_o in VIEWED])
+        return Problem(self.responses, self.radiance, self.offsets, albedo=albedo)
 
     @property
     def texels(self) -> int:

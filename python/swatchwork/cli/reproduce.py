@@ -18,7 +18,7 @@ def reproduce(
         list[str] | None,
         typer.Argument(
             metavar="[NAMES]...",
-            help="fig3, fig4, penalties, fig5, fig6, fig7, fig8, fig9, fig10, fig11, or all.",
+            help="fig3, fig4, penalties, fig5, fig6, fig7, fig8, fig9, fig10, fig11, methods, or all.",
             show_default="all",
         ),
     ] = None,
@@ -30,6 +30,13 @@ def reproduce(
             help="Folder with envmaps/latlong/NAME_1024x512.hdr (grace, stpeters, rnl, uffizi), "
             "merl/*.binary or merl/merl_nbrdf.npz, textures/rustymetal; each is optional.",
             show_default="procedural stand-ins",
+        ),
+    ] = None,
+    captures: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder of captures with a test/ each, for the table of all methods.",
+            show_default="one is made",
         ),
     ] = None,
     quick: Annotated[
@@ -55,7 +62,9 @@ def reproduce(
     from ..reproduce import reproduce as run_experiments
 
     with session(as_json=as_json, quiet=quiet, verbose=verbose) as run:
-        found = run_experiments(names or ["all"], output, data=data, quick=quick, progress=run.progress)
+        found = run_experiments(
+            names or ["all"], output, data=data, captures=captures, quick=quick, progress=run.progress
+        )
         for name, claim in found.claims:
             run.say(f"{name:10} {'holds' if claim.holds else 'DOES NOT HOLD'}: {claim.paper} {claim.found}")
         run.say(found.in_words())

@@ -49,6 +49,8 @@ class Setting:
     """Pictures and finished parts go here."""
     quick: bool = False
     """Few texels, views, trials: a check that everything runs, with figures that are only a hint."""
+    captures: Path | None = None
+    """Folder of captures with a test/ each."""
     progress: Progress = field(default=SILENT)
 
     def pick(self, whole: Any, quick: Any) -> Any:

@@ -47,7 +47,11 @@ def _summary(experiments: Sequence[Experiment], found: Mapping[str, Any]) -> tup
 
 
 def _section(experiment: Experiment, found: Any, setting: Setting) -> str:
-    options = (" --data DATA" if setting.data.folder else "") + (" --quick" if setting.quick else "")
+    options = (
+        (" --data DATA" if setting.data.folder else "")
+        + (" --captures CAPTURES" if setting.captures else "")
+        + (" --quick" if setting.quick else "")
+    )
     parts = [f"## {experiment.title}\n", f"`swatchwork reproduce {experiment.name}{options} -o DIR`\n"]
     parts.append(experiment.how + "\n")
     claims = experiment.claims(found["figures"])

@@ -23,11 +23,12 @@ from .fig6 import FIG6
 from .fig7 import FIG7
 from .fig8 import FIG8
 from .fig9 import FIG9
+from .methods import METHODS
 from .page import page
 from .penalties import PENALTIES
 from .sensitivity import FIG10, FIG11
 
-EXPERIMENTS = (FIG4, PENALTIES, FIG5, FIG6, FIG7, FIG8, FIG9, FIG10, FIG11)
+EXPERIMENTS = (FIG4, PENALTIES, FIG5, FIG6, FIG7, FIG8, FIG9, FIG10, FIG11, METHODS)
 SAME_AS = {"fig3": "fig4"}
 """Figures of the paper that one experiment measures together."""
 
@@ -57,6 +58,7 @@ def reproduce(
     output: str | PathLike[str],
     *,
     data: str | PathLike[str] | None = None,
+    captures: str | PathLike[str] | None = None,
     quick: bool = False,
     progress: Progress = SILENT,
 ) -> Reproduction:
@@ -66,6 +68,7 @@ def reproduce(
         names: experiments, or "all". What an earlier run with the same data and size finished is kept.
         output: folder of figures (NAME.json), pictures and reproduction.md.
         data: folder of probes, materials and textures (data.py); procedural stand-ins without it.
+        captures: folder of captures with a ``test/`` each, for "methods"; one is made without it.
         quick: small versions of everything, to see that it runs.
 
     Raises:
@@ -75,7 +78,10 @@ def reproduce(
     chosen = experiments_of(names)
     folder = Path(output)
     given = Data(Path(data) if data is not None else None)
-    setting = Setting(given, folder, quick)
+    at = Path(captures) if captures is not None else None
+    if at is not None and not any(at.glob("*/test/transforms.json")):
+        raise InputError("holds no captures", file=at, expected="folders with a test/transforms.json each")
+    setting = Setting(given, folder, quick, at)
     _agree(setting)
     found: dict[str, Figures] = {}
     with progress.stage("Experiments", sum(e.minutes for e in chosen)) as task:
@@ -114,6 +120,7 @@ def experiments_of(names: Sequence[str]) -> list[Experiment]:
 def _agree(setting: Setting) -> None:
     """Finished parts in the folder must be of the same package, data and size as what is to come."""
     head = {"version": version("swatchwork"), "quick": setting.quick, "data": setting.data.words()}
+    head["captures"] = "made here" if setting.captures is None else "given"
     file = setting.folder / "setting.json"
     if not file.exists():
         write_whole(file, json.dumps(head, indent=1) + "\n")

@@ -14,7 +14,7 @@ from ..arrays import F64
 from ..baselines import Measurements, Method, Recovered
 from ..light import Environment
 from ..reflectance import GenericBasis
-from ..response import representative_responses
+from ..response import generic_responses, representative_responses
 from ..simulate import Pairs, Sphere, SphereCapture, nrms, random_directions, visible_pairs
 
 TEST_VIEWS = 4
@@ -43,7 +43,12 @@ class Test:
 
 
 def rendered(found: Recovered, weights: F64, light: Environment, pairs: Pairs) -> F64:
-    """Radiance [P, 3] of a recovered reflectance."""
+    """Radiance [P, 3] of a recovered reflectance with weights [M, N] at all texels."""
+    if len(found.representatives) > found.basis.kernels:
+        # More representatives than kernels: a texel's kernels are summed first.
+        kernels = np.einsum("mn,njc->mjc", weights, found.representatives, optimize=True)
+        s = generic_responses(found.basis, light.pyramid(), pairs.normal, pairs.to_viewer)
+        return np.asarray(np.einsum("pjc,pjc->pc", s, kernels[pairs.texel], optimize=True))
     s = representative_responses(
         found.basis, found.representatives, light.pyramid(), pairs.normal, pairs.to_viewer
     )
