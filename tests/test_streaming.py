@@ -154,6 +154,19 @@ def test_unseen_texels_take_the_blend_of_a_near_seen_one(
     # Every fourth texel along a row is taken, so that the nearest of those is up to a few texels further.
     texel = np.sqrt(np.median(atlas.footprint(slice(None))))
     assert np.quantile(nearest - apart.min(axis=1), 0.95) < 4 * texel
+    # Where few of the unseen are looked for, the others take what their neighbours found.
+    monkeypatch.setattr(tiles_module, "MANY", 1 << 18)
+    monkeypatch.setattr(tiles_module, "SOME", len(unseen) // 9)
+    from_neighbours = tiles_module._nearest(atlas, seen, unseen)
+    nearest = np.linalg.norm(atlas.position(unseen) - atlas.position(from_neighbours), axis=1)
+    least = apart.min(axis=1)
+    close = least < 2 * 3 * texel
+    np.testing.assert_allclose(nearest[close], least[close], rtol=1e-12)
+    # A neighbour is three texels away, and its nearest at most twice that further than one's own.
+    assert (
+        np.quantile(nearest - least, 0.99) < 6 * texel
+        and (from_neighbours != seen[apart.argmin(axis=1)]).any()
+    )
 
 
 def test_light_that_turns_is_the_surface_turned(capture: Path) -> None:

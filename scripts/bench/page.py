@@ -88,7 +88,8 @@ either basis, Smith masking, 1 % noise). n and N are found by the search; the tr
 is its minutes on 8 Xeon cores, on its own objects; *wall* and *cpu* are minutes of `swatchwork reconstruct`,
 from EXR files to material folder; then the stages' seconds. NRMS is of the novel light, in %: that light
 has a sun, and where its image at a grazing angle is in the picture, a thousandth of the pixels decides the
-NRMS; PSNR-L, which clips at white, tells of the rest. The paper's minutes over ours, geometric mean:
+NRMS; PSNR-L, which clips at white, tells of the rest. Both count what no photograph shows (*unseen*, in % of
+the texels), where the nearest seen texel's blend stands in. The paper's minutes over ours, geometric mean:
 {mean:.1f}.
 
 {bounds}

@@ -10,8 +10,8 @@ by the search. Then novel-light NRMS on the capture's test/. Finished rows stay 
 a file to repeat its row.
 
 Columns: pixels, along an image's side; paper, minutes on 8 Xeon cores; wall and cpu, minutes here; MB, peak
-memory of the process; n, N found beside the truth's; NRMS in % and PSNR-L in dB, novel light; then the
-stages' seconds.
+memory of the process; n, N found beside the truth's; unseen, % of texels in no photograph; NRMS in % and
+PSNR-L in dB, novel light; then the stages' seconds.
 """
 
 from __future__ import annotations
@@ -47,6 +47,7 @@ def cells(found: dict[str, Any], names: list[str]) -> list[str]:
         f"{cost['wall_s'] / 60:.1f}",
         f"{cost['cpu_s'] / 60:.1f}",
         f"{cost['peak_mb']:.0f}",
+        f"{100 * summary['unseen'] / summary['texels']:.1f}",
         f"{100 * found['evaluation']['nrms']:.2f}",
         f"{found['evaluation']['psnr_l']:.1f}",
         *(f"{seconds.get(name, 0):.0f}" for name in names),
@@ -69,6 +70,7 @@ def head(names: list[str]) -> list[str]:
         "wall",
         "cpu",
         "MB",
+        "unseen",
         "NRMS",
         "PSNR-L",
         *names,

@@ -10,7 +10,7 @@ from ..baselines import SparseAsPossible
 from ..reflectance import paper
 from ..solve import SolveOptions
 from .experiment import Claim, Experiment, Figures, Setting, Table
-from .spheres import Test, run, views_of
+from .spheres import Portrait, Test, captures, run, views_of
 from .targets import copper
 
 VIEWS = (1, 2, 3, 4, 5, 7, 10)
@@ -27,14 +27,18 @@ def measure(setting: Setting) -> Figures:
     light, test = setting.data.probe("grace"), Test.of(sphere, setting.data.probe("uffizi"))
     method = SparseAsPossible(SolveOptions(max_N=setting.pick(MOST_N, 4), max_n=setting.pick(5, 2)))
     views = setting.pick(VIEWS, (1, 3, 5))
+    portrait = Portrait(sphere, test.light, setting.folder / "parts", setting.pick(180, 64))
     runs = []
     for trial in range(setting.pick(TRIALS, 1)):
         for k in views:
 
             def make(k: int = k, trial: int = trial) -> Figures:
-                return run(method, sphere, light, views_of(trial)[:k], paper(), [test], seed=trial)
+                taken = captures(sphere, light, views_of(trial)[:k], paper())
+                seen = portrait if trial == 0 else None
+                return run(method, taken, [test], seen, f"fig4-{trial}-{k}")
 
             runs.append({"trial": trial} | setting.kept(f"fig4-{trial}-{k}", make))
+    portrait.show(setting.folder / "fig3.png", {f"fig4-0-{k}": f"k = {k}" for k in views})
     return {"views": list(views), "runs": runs}
 
 

@@ -16,7 +16,7 @@ from ..baselines import (
 from ..reflectance import basis_by_name
 from ..solve import SolveOptions
 from .experiment import Claim, Experiment, Figures, Setting, Table
-from .spheres import Test, run, views_of
+from .spheres import Capture, Portrait, Test, captures, run, views_of
 from .targets import two_of_four
 
 TEXELS = 600
@@ -26,7 +26,6 @@ STRENGTHS = (0.1, 0.03, 0.01, 0.003, 0.001)
 BASIS = "extended"
 EQUAL = 1.05
 """Error, as a multiple, that counts as equal quality."""
-K = 6
 
 
 def methods(setting: Setting) -> list[Method]:
@@ -42,22 +41,29 @@ def measure(setting: Setting) -> Figures:
     """Every method at ever more views, until it has the error of ours at six."""
     sphere = two_of_four(setting.data, setting.pick(TEXELS, 120))
     light, test = setting.data.probe("stpeters"), Test.of(sphere, setting.data.probe("uffizi"))
+    portrait = Portrait(sphere, test.light, setting.folder / "parts", setting.pick(120, 48))
     enough = 0.0
     runs: list[Figures] = []
     reached: set[str] = set()
     for k in setting.pick(VIEWS, (3,)):
+        capture = captures(sphere, light, views_of(0)[:k], basis_by_name(BASIS))
         for method in methods(setting):
             if method.name in reached:
                 continue
             label = f"{method.name} {method.strength:g}" if isinstance(method, GlobalLinear) else method.name
-
-            def make(method: Method = method, k: int = k) -> Figures:
-                return run(method, sphere, light, views_of(0)[:k], basis_by_name(BASIS), [test])
-
             name = label.replace(" ", "-")
+
+            def make(
+                method: Method = method, capture: Capture = capture, name: str = f"fig6-{k}-{name}"
+            ) -> Figures:
+                return run(method, capture, [test], portrait, name)
+
             runs.append(setting.kept(f"fig6-{k}-{name}", make) | {"label": label})
             enough = enough or EQUAL * float(runs[-1]["nrms"])
         reached |= {r["method"] for r in runs if r["nrms"] <= enough}
+    least = min(r["k"] for r in runs)
+    shown = {f"fig6-{least}-{r['label'].replace(' ', '-')}": r["label"] for r in runs if r["k"] == least}
+    portrait.show(setting.folder / "fig6.png", shown)
     return {"runs": runs, "enough": enough}
 
 

@@ -14,7 +14,7 @@ from ..reflectance import GenericBasis, paper
 from ..simulate import KernelMaterials, Sphere, random_directions, visible_pairs
 from ..solve import SolveOptions
 from .experiment import Claim, Experiment, Figures, Setting, Table
-from .spheres import Test, run, views_of
+from .spheres import Capture, Portrait, Test, captures, run, views_of
 from .targets import copper, triangle
 
 TEXELS, VIEWS = 600, 12
@@ -30,33 +30,52 @@ def measure(setting: Setting) -> Figures:
     views = views_of(0)[: setting.pick(VIEWS, 4)]
     runs = []
     for name, sphere in targets.items():
-        test = Test.of(sphere, novel)
+        test, capture = Test.of(sphere, novel), captures(sphere, light, views, paper())
+        portrait = Portrait(sphere, novel, setting.folder / "parts", setting.pick(180, 64))
+        shown: dict[str, str] = {}
         most = SolveOptions(max_N=setting.pick(10, 4), max_n=setting.pick(5, 3))
         for label, options in (("ours, n free", most), ("ours, n = 2", replace(most, n=2))):
+            part = f"fig7-{name}-{label.replace(' ', '-')}"
+            shown[part] = label
 
-            def make(options: SolveOptions = options, sphere: Sphere = sphere, test: Test = test) -> Figures:
-                return run(SparseAsPossible(options), sphere, light, views, paper(), [test])
+            def make(
+                options: SolveOptions = options,
+                capture: Capture = capture,
+                test: Test = test,
+                portrait: Portrait = portrait,
+                part: str = part,
+            ) -> Figures:
+                return run(SparseAsPossible(options), capture, [test], portrait, part)
 
-            kept = setting.kept(f"fig7-{name}-{label.replace(' ', '-')}", make)
+            kept = setting.kept(part, make)
             runs.append(kept | {"target": name, "label": label})
         for k in setting.pick(GOLDMAN_VIEWS, (4,)):
+            shown[f"fig7-{name}-goldman-{k}"] = f"Goldman, k = {k}"
 
-            def goldman(sphere: Sphere = sphere, test: Test = test, k: int = k) -> Figures:
-                return directional(setting, sphere, test, k)
+            def goldman(
+                test: Test = test,
+                k: int = k,
+                portrait: Portrait = portrait,
+                part: str = f"fig7-{name}-goldman-{k}",
+            ) -> Figures:
+                return directional(setting, portrait, test, k, part)
 
             runs.append(
                 setting.kept(f"fig7-{name}-goldman-{k}", goldman)
                 | {"target": name, "label": f"Goldman, k = {k}"}
             )
+        portrait.show(setting.folder / f"fig7-{name}.png", shown)
     return {"runs": runs}
 
 
-def directional(setting: Setting, sphere: Sphere, test: Test, k: int) -> Figures:
+def directional(setting: Setting, portrait: Portrait, test: Test, k: int, part: str) -> Figures:
     """Goldman's method from k pictures, each under a directional light of its own."""
+    sphere = portrait.sphere
     measurements, seen = lit_by_directions(sphere, views_of(0, 96)[:k], random_directions(k, 900), paper())
     method = Goldman(counts=setting.pick((5, 10, 15, 20, 25), (3,)))
     found = method.recover(measurements)
     weights = _spread(sphere, seen, found)
+    portrait.take(part, found, weights)
     return {
         "method": method.name,
         "k": k,

@@ -6,20 +6,19 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import cv2
 import numpy as np
 
-from ..arrays import F64, U8
+from ..arrays import F64
 from ..baselines import Recovered, fit_reflectance, single_lobe_basis
 from ..capture import write_png
 from ..capture.images import read_coded
 from ..light import Environment
 from ..reflectance import basis_by_name
-from ..report import display
 from ..response import generic_responses
 from ..simulate import MeasuredBrdf, Pairs, fibonacci_sphere, measured_responses, nrms, visible_pairs
 from ..solve import Problem
 from .experiment import Claim, Experiment, Figures, Setting, Table
+from .pictures import Disc, caption, exposure_of, write_flat
 from .spheres import rendered
 
 CAPTURES, NOVEL = ("stpeters", "grace"), ("rnl", "uffizi")
@@ -30,8 +29,7 @@ AT_ONCE = 10
 STAND_INS = 12
 VIEW = np.array([[0.0, -1.0, 0.0]])
 TEST_VIEW = np.array([[0.35, -0.93, 0.15]])
-PICTURE_PX = 72
-EXPOSURE = 0.6
+DISC = Disc.of(TEST_VIEW[0], 72)
 
 
 def measure(setting: Setting) -> Figures:
@@ -96,48 +94,20 @@ def _error(fit: Recovered, light: Environment, pairs: Pairs, truth: F64) -> floa
     return nrms(rendered(fit, fit.weights, light, pairs), truth, pairs)
 
 
-def _disc_pairs() -> tuple[Pairs, F64]:
-    """Pairs of a picture's pixels seen along TEST_VIEW, far away, and where they are [H, W]."""
-    back = TEST_VIEW[0] / np.linalg.norm(TEST_VIEW[0])
-    right = np.cross([0.0, 0.0, 1.0], back)
-    right /= np.linalg.norm(right)
-    up = np.cross(back, right)
-    x = (np.arange(PICTURE_PX) + 0.5) / PICTURE_PX * 2.1 - 1.05
-    xx, yy = np.meshgrid(x, -x)
-    inside = xx**2 + yy**2 < 0.995
-    a, b = xx[inside], yy[inside]
-    normal = a[:, None] * right + b[:, None] * up + np.sqrt(1 - a * a - b * b)[:, None] * back
-    count = len(normal)
-    numbers = np.arange(count, dtype=np.int32)
-    pairs = Pairs(
-        numbers,
-        np.zeros(count, np.int32),
-        normal.astype(np.float32),
-        np.broadcast_to(back, normal.shape).astype(np.float32),
-        np.arange(count + 1, dtype=np.int64),
-    )
-    return pairs, inside.astype(np.float64)
-
-
 def _disc(brdfs: list[MeasuredBrdf], light: Environment) -> F64:
     """Radiance [pixels, B, 3] of each material's picture."""
-    return _lit(brdfs, light, _disc_pairs()[0])
+    return _lit(brdfs, light, DISC.pairs)
 
 
 def _picture(file: Path, b: int, truth: list[F64], fits: list[Recovered], lights: list[Environment]) -> None:
     """Reference, ours and the parametric fit under both novel lights, in a row, at one exposure a light."""
-    pairs, inside = _disc_pairs()
-    tiles: list[U8] = []
+    one = np.ones((len(DISC.pairs.texel), 1))
+    tiles = []
     for reference, light in zip(truth, lights, strict=True):
-        one = np.ones((len(pairs.texel), 1))
-        rows = [reference[:, b], *(rendered(fit, one, light, pairs) for fit in fits)]
-        exposure = EXPOSURE / max(float(np.quantile(rows[0].max(axis=1), 0.9)), 1e-9)
-        for radiance in rows:
-            image = np.zeros((*inside.shape, 3))
-            image[inside > 0] = radiance
-            tiles.append(display(image, inside, exposure))
-    file.parent.mkdir(parents=True, exist_ok=True)
-    write_png(file, np.concatenate(tiles, axis=1))
+        exposure = exposure_of(reference[:, b])
+        rows = [reference[:, b], *(rendered(fit, one, light, DISC.pairs) for fit in fits)]
+        tiles += [DISC.image(radiance, exposure) for radiance in rows]
+    write_flat(file, np.concatenate(tiles, axis=1))
 
 
 def contact_sheet(setting: Setting, names: list[str]) -> None:
@@ -145,15 +115,10 @@ def contact_sheet(setting: Setting, names: list[str]) -> None:
     rows = []
     for name in names:
         tile = read_coded(setting.folder / "fig8" / f"{name}.png")
-        label = np.full((16, tile.shape[1], 4), 255, np.uint8)
-        cv2.putText(label, name, (4, 12), cv2.FONT_HERSHEY_SIMPLEX, 0.4, (0, 0, 0, 255), 1, cv2.LINE_AA)
-        rows.append(np.concatenate([label, tile]))
-    blank = np.full_like(rows[0], 255)
-    rows += [blank] * (-len(rows) % 2)
+        rows.append(np.concatenate([caption(name, tile.shape[1])[..., :3], tile]))
+    rows += [np.full_like(rows[0], 255)] * (len(rows) % 2)
     sheet = np.concatenate([np.concatenate(rows[i : i + 2], axis=1) for i in range(0, len(rows), 2)])
-    alpha = sheet[..., 3:] / 255.0
-    flat = sheet[..., :3] * alpha + 255 * (1 - alpha)
-    write_png(setting.folder / "fig8.png", flat.astype(np.uint8))
+    write_png(setting.folder / "fig8.png", sheet.astype(np.uint8))
 
 
 def run(setting: Setting) -> Figures:

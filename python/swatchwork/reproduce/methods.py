@@ -31,7 +31,8 @@ from ..simulate import simulate_capture
 from ..solve import SolveOptions
 from ..surface import Atlas, RayScene, SkyMasks, build_atlas
 from .experiment import Claim, Experiment, Figures, Setting, Table
-from .spheres import Test, run, views_of
+from .spheres import Capture as Capturing
+from .spheres import Test, captures, run, views_of
 from .targets import two_of_four
 
 BASIS = "extended"
@@ -67,11 +68,12 @@ def measure(setting: Setting) -> Figures:
     light, test = setting.data.probe("stpeters"), Test.of(sphere, setting.data.probe("uffizi"))
     noisy = []
     for percent in setting.pick(NOISE, NOISE[::3]):
+        views = views_of(0)[: setting.pick(VIEWS, 3)]
+        capture = captures(sphere, light, views, basis_by_name(BASIS), percent)
         for method in methods(setting):
 
-            def make(method: Method = method, percent: float = percent) -> Figures:
-                views = views_of(0)[: setting.pick(VIEWS, 3)]
-                return run(method, sphere, light, views, basis_by_name(BASIS), [test], percent)
+            def make(method: Method = method, capture: Capturing = capture) -> Figures:
+                return run(method, capture, [test])
 
             kept = setting.kept(f"methods-noise-{percent:g}-{method.name.replace(' ', '-')}", make)
             noisy.append({"noise": percent} | kept)

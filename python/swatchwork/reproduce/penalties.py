@@ -8,7 +8,7 @@ from ..baselines import SparseAsPossible
 from ..reflectance import paper
 from ..solve import SolveOptions
 from .experiment import Claim, Experiment, Figures, Setting, Table
-from .spheres import Test, run, views_of
+from .spheres import Test, captures, run, views_of
 from .targets import copper
 
 BLEND_PENALTIES = (0.003, 0.0055, 0.01)
@@ -23,6 +23,7 @@ def measure(setting: Setting) -> Figures:
     """NRMS and what was found, by penalties."""
     sphere = copper(setting.data, setting.pick(TEXELS, 150))
     light, test = setting.data.probe("grace"), Test.of(sphere, setting.data.probe("uffizi"))
+    capture = captures(sphere, light, views_of(0)[: setting.pick(VIEWS, 4)], paper())
     inside = [(a, b) for a in BLEND_PENALTIES for b in REPRESENTATIVE_PENALTIES]
     runs = []
     for a, b in [*setting.pick(inside, inside[4:5]), UNDER, OVER]:
@@ -31,8 +32,7 @@ def measure(setting: Setting) -> Figures:
         )
 
         def make(options: SolveOptions = options) -> Figures:
-            views = views_of(0)[: setting.pick(VIEWS, 4)]
-            return run(SparseAsPossible(options), sphere, light, views, paper(), [test])
+            return run(SparseAsPossible(options), capture, [test])
 
         part = {"lambda0": a, "lambda1": b, "inside": (a, b) not in (UNDER, OVER)}
         runs.append(part | setting.kept(f"penalties-{a:g}-{b:g}", make))

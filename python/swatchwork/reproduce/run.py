@@ -8,13 +8,13 @@ import json
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from importlib.metadata import version
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
 from ..progress import SILENT, Progress
+from ..workflow import digest_of_the_package
 from .data import Data
 from .experiment import Claim, Experiment, Figures, Setting, write_whole
 from .fig4 import FIG4
@@ -118,8 +118,8 @@ def experiments_of(names: Sequence[str]) -> list[Experiment]:
 
 
 def _agree(setting: Setting) -> None:
-    """Finished parts in the folder must be of the same package, data and size as what is to come."""
-    head = {"version": version("swatchwork"), "quick": setting.quick, "data": setting.data.words()}
+    """Finished parts in the folder must be of the same code, data and size as what is to come."""
+    head = {"code": digest_of_the_package(), "quick": setting.quick, "data": setting.data.words()}
     head["captures"] = "made here" if setting.captures is None else "given"
     file = setting.folder / "setting.json"
     if not file.exists():

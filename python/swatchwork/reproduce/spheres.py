@@ -4,9 +4,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, cached_property, lru_cache
+from pathlib import Path
 
 import numpy as np
 
@@ -16,7 +17,11 @@ from ..light import Environment
 from ..reflectance import GenericBasis
 from ..response import generic_responses, representative_responses
 from ..simulate import Pairs, Sphere, SphereCapture, nrms, random_directions, visible_pairs
+from .pictures import Disc, comparison
 
+Capture = Callable[[], SphereCapture]
+"""Made when first asked for: finished parts do not need it."""
+PORTRAIT_FROM = np.array([0.5, -0.8, 0.35])
 TEST_VIEWS = 4
 TEST_SEED = 10_000
 """Views of another seed: none of them is measured."""
@@ -67,27 +72,66 @@ def recover(method: Method, capture: SphereCapture) -> tuple[Recovered, F64]:
 
 
 def run(
-    method: Method,
-    sphere: Sphere,
-    light: Environment,
-    views: F64,
-    basis: GenericBasis,
-    tests: Sequence[Test],
-    noise_percent: float = 0.0,
-    seed: int = 0,
+    method: Method, capture: Capture, tests: Sequence[Test], portrait: Portrait | None = None, name: str = ""
 ) -> dict[str, float | str]:
-    """Capture, recover, and measure: the mean NRMS over tests, and what was found."""
-    capture = sphere.captured(light, views, basis, noise_percent, seed)
-    found, weights = recover(method, capture)
+    """Recover a capture, and measure: the mean NRMS over tests, and what was found; and take its portrait."""
+    taken = capture()
+    found, weights = recover(method, taken)
+    if portrait is not None:
+        portrait.take(name, found, weights)
     errors = [test.error(found, weights) for test in tests]
     return {
         "method": method.name,
-        "k": len(views),
+        "k": taken.views,
         "nrms": float(np.mean(errors)),
         "materials": found.materials,
         "status": found.status,
         **{f"found_{name}": value for name, value in found.found.items()},
     }
+
+
+def captures(
+    sphere: Sphere,
+    light: Environment,
+    views: F64,
+    basis: GenericBasis,
+    noise_percent: float = 0.0,
+    seed: int = 0,
+) -> Capture:
+    """A capture that is made when first asked for, and then kept: methods share it."""
+    return cache(lambda: sphere.captured(light, views, basis, noise_percent, seed))
+
+
+@dataclass(frozen=True, eq=False)
+class Portrait:
+    """One picture of a sphere under one light, of the truth and of all that methods recover."""
+
+    sphere: Sphere
+    light: Environment
+    folder: Path
+    """Of finished parts: what a method's sphere looks like is kept as NAME.npy."""
+    size: int
+
+    @cached_property
+    def disc(self) -> Disc:
+        """The picture's pixels."""
+        return Disc.of(PORTRAIT_FROM, self.size)
+
+    @cached_property
+    def pairs(self) -> Pairs:
+        """The pixels, as pairs of the sphere's texels."""
+        return self.disc.on(self.sphere.normal)
+
+    def take(self, name: str, found: Recovered, weights: F64) -> None:
+        """Keep the look of what a method recovered."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        np.save(self.folder / f"{name}.npy", rendered(found, weights, self.light, self.pairs))
+
+    def show(self, file: Path, names: Mapping[str, str]) -> None:
+        """Write truth and portraits (label by name) side by side."""
+        taken = {label: self.folder / f"{name}.npy" for name, label in names.items()}
+        there = [(label, np.load(path)) for label, path in taken.items() if path.is_file()]
+        comparison(file, self.disc, self.sphere.radiance(self.light, self.pairs), there)
 
 
 @lru_cache

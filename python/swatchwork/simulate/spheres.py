@@ -97,6 +97,11 @@ class SphereCapture:
     radiance: F32
     """[P, 3]"""
 
+    @property
+    def views(self) -> int:
+        """k, of those that see any of it."""
+        return int(self.pairs.view.max()) + 1
+
     @cached_property
     def seen(self) -> I64:
         """Texels that some view sees."""

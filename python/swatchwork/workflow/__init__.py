@@ -8,7 +8,7 @@ from .costs import CostRecorder, StageCost
 from .demonstration import DemoSummary, run_demo
 from .describing import describe
 from .measuring import evaluate_folders
-from .recovery import ReconstructSummary, reconstruct_folder
+from .recovery import ReconstructSummary, digest_of_the_package, reconstruct_folder
 from .relighting import RelightSummary, relight_folder
 
 __all__ = [
@@ -20,6 +20,7 @@ __all__ = [
     "SolveOptions",
     "StageCost",
     "describe",
+    "digest_of_the_package",
     "evaluate_folders",
     "reconstruct_folder",
     "relight_folder",

@@ -233,7 +233,7 @@ def key_of(prints: dict[str, str], options: ReconstructOptions) -> dict[str, Any
     """What the parts of an interrupted run must agree on, to be gone on from."""
     return {
         "version": version("swatchwork"),
-        "code": _digest_of_the_package(),
+        "code": digest_of_the_package(),
         "kernels": instruction_sets()[-1],
         "threads": os.environ.get("RAYON_NUM_THREADS") or os.cpu_count(),
         "inputs": prints,
@@ -241,7 +241,7 @@ def key_of(prints: dict[str, str], options: ReconstructOptions) -> dict[str, Any
     }
 
 
-def _digest_of_the_package() -> str:
+def digest_of_the_package() -> str:
     """SHA-256 of the package's sources and native core: parts of another build are not gone on from."""
     package = Path(__file__).resolve().parents[1]
     digest = hashlib.sha256()
