@@ -68,7 +68,8 @@ def test_truths_are_what_they_claim() -> None:
         np.testing.assert_allclose(sphere.weights.sum(axis=1), 1, atol=1e-12)
         assert (sphere.weights >= 0).all() and sphere.weights.shape[1] == N
         assert (np.count_nonzero(sphere.weights, axis=1) <= n).all()
-    assert (triangle(paper(), 200).weights.max(axis=0) > 0.8).all(), "near a corner one material is alone"
+    assert (triangle(paper(), 200).weights.max(axis=0) > 0.6).all(), "towards a corner one material prevails"
+    assert np.mean((triangle(paper(), 200).weights > 0.05).all(axis=1)) > 0.7, "all three at most points"
     # Both halves reflect alike along the normal: tau times the specular colour.
     left, right = halves(0.165, (0.15, 0.85), 20).materials.representatives[:, 1, 0]  # type: ignore[attr-defined]
     assert left == pytest.approx(right)

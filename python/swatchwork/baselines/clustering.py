@@ -23,7 +23,8 @@ class Clustering:
 
     As Lensch et al. do, materials are single lobes, fitted to a cluster's measurements, and every texel ends
     as a non-negative combination of all materials. They fit Lafortune lobes and split along the covariance of
-    the parameters; here the lobe is Cook-Torrance's and a cluster is split at its median error.
+    the parameters; here the lobe is Cook-Torrance's and a cluster's worse half becomes
+    another.
     """
 
     N: int = 4
@@ -36,8 +37,12 @@ class Clustering:
         while len(materials) < self.N:
             error = _errors(m, materials)[np.arange(m.texels), of_texel]
             total = np.bincount(of_texel, error, minlength=len(materials))
-            worst = of_texel == int(total.argmax())
-            of_texel[worst & (error > np.median(error[worst]))] = len(materials)
+            # A cluster of one texel cannot be split.
+            total[np.bincount(of_texel, minlength=len(materials)) < 2] = -1
+            if total.max() < 0:
+                break
+            worst = np.flatnonzero(of_texel == int(total.argmax()))
+            of_texel[worst[np.argsort(-error[worst], kind="stable")[: len(worst) // 2]]] = len(materials)
             materials = _settled(m, of_texel, len(materials) + 1, materials)
         folded = m.problem.fold(materials).astype(np.float64)
         weights = np.stack(
@@ -46,7 +51,7 @@ class Clustering:
                 for pairs in map(slice, m.offsets[:-1], m.offsets[1:])
             ]
         )
-        return Recovered(m.basis, materials, weights, self.N, "converged")
+        return Recovered(m.basis, materials, weights, len(materials), "converged")
 
 
 def _settled(m: Measurements, of_texel: I64, count: int, materials: F64) -> F64:

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: MIT
 """N single-lobe materials, two blended at each texel (Goldman et al. 2010); light and normals are known.
 
-Weights and materials are fitted in turn, as there; each half is solved better than there, which can only help
-it: the two materials of a texel by trying all pairs, a material's roughness by trying all of a grid.
+Weights and materials are fitted in turn, as there: the two materials of a texel by trying all pairs, a
+material's roughness by trying all of the basis.
 """
 
 from __future__ import annotations
@@ -47,6 +47,8 @@ class Goldman:
                 status = "converged"
                 break
             materials = _refitted(m, materials, found.weights)
+        found = blend(m.problem.fold(materials), m.radiance, m.offsets, n)
+        data = m.problem.mean(found.squared_error)
         return Recovered(m.basis, materials, found.weights, N, status, {"n": n, "N": N, "data": data})
 
 

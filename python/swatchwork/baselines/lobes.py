@@ -14,8 +14,8 @@ TAUS = (0.0, 0.02, 0.04, 0.06, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0)
 """Fresnel reflectances at normal incidence (Eq. 11) that are tried."""
 
 
-BRIGHTEST = 2.0
-"""Most that either colour may be; 1 reflects all light. A lobe that is never hit has no other bound."""
+BRIGHTEST = 1.0
+"""Most that either colour may be: all light. A lobe that no measurement hits has no other bound."""
 
 
 def single_lobe(

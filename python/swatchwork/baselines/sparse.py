@@ -9,6 +9,9 @@ from dataclasses import dataclass, field, replace
 from ..solve import SolveOptions, solve
 from .method import Measurements, Recovered
 
+PATIENCE = 2
+"""Representatives added in vain before growth stops, as in the whole method."""
+
 
 @dataclass(frozen=True)
 class SparseAsPossible:
@@ -39,15 +42,19 @@ class NoSparseBlend:
     def recover(self, measurements: Measurements) -> Recovered:
         """N grows for as long as the penalty on N is paid for; the paper's ablation with lambda0 = 0."""
         best: tuple[float, Recovered] | None = None
-        whole = SparseAsPossible(self.options).recover(measurements)
-        # The noise that the whole method finds sets the penalty; without it N would be a matter of taste.
-        penalty = self.options.lambda1 or whole.found["noise"] ** 2
+        penalty = self.options.lambda1
+        if penalty is None:
+            # The noise that the whole method finds sets the penalty; without it N would be a matter of taste.
+            penalty = SparseAsPossible(self.options).recover(measurements).found["noise"] ** 2
+        in_vain = 0
         for N in range(1, self.options.max_N + 1):
             options = replace(self.options, n=N, N=N, lambda0=0.0, lambda1=penalty)
             found = SparseAsPossible(options).recover(measurements)
             objective = found.found["data"] + penalty * N
-            if best is not None and objective >= best[0]:
+            in_vain = 0 if best is None or objective < best[0] else in_vain + 1
+            if best is None or objective < best[0]:
+                best = (objective, found)
+            if in_vain == PATIENCE:
                 break
-            best = (objective, found)
         assert best is not None
         return best[1]

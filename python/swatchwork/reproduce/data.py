@@ -11,6 +11,7 @@ The folder (``--data``) may hold, all optional:
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,9 +35,13 @@ from ..simulate import (
     read_neural_brdf,
 )
 
+FOUR = ("pink-plastic", "hematite", "yellow-phenolic", "blue-metallic-paint")
+"""The paper's four MERL materials (section 7.1)."""
+STAND_INS = 12
+"""For all of MERL's."""
 PROBES = {"grace": "room", "stpeters": "atelier", "rnl": "sky", "uffizi": "overcast"}
 """The probes, and the procedural light that stands in for each."""
-# Three quarters of a turn bring the files' frame (y up) to ours (z up).
+# A quarter turn about x brings the files' frame (y up) to ours (z up).
 Z_UP = np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]])
 
 
@@ -67,7 +72,7 @@ class Data:
             raise InputError("no such folder", file=self.folder, expected="a data folder", hint="See --help")
 
     def probe(self, name: str) -> Environment:
-        """A probe by name, z up, of mean radiance 1 so that experiments are alike; a stand-in without it."""
+        """A probe by name, z up, in its own unit; a procedural stand-in of mean radiance 1 without it."""
         file = None if self.folder is None else self.folder / "envmaps" / "latlong" / f"{name}_1024x512.hdr"
         if file is None or not file.is_file():
             return procedural_environment(PROBES[name], seed=3)
@@ -85,25 +90,57 @@ class Data:
     def merl(self, names: Sequence[str]) -> list[MeasuredBrdf]:
         """Measured materials by name; stand-ins (GGX lobes that no basis has) without a folder."""
         if not self.merl_names:
-            recipes = four_materials(1) if len(names) <= 4 else many_materials(len(names), 1)
-            weights = in_ggx(recipes[: len(names)])
-            return [KernelBrdf(r.name, ggx_basis(), w) for r, w in zip(recipes, weights, strict=False)]
+            return [stand_in(name) for name in names]
         assert self.folder is not None, "it has names"
         table = self.folder / "merl"
-        return [
-            read_merl_binary(table / f"{name}.binary")
-            if (table / f"{name}.binary").is_file()
-            else read_neural_brdf(table / "merl_nbrdf.npz", name)
-            for name in names
-        ]
+        networks = table / "merl_nbrdf.npz"
+        found: list[MeasuredBrdf] = []
+        for name in names:
+            if (table / f"{name}.binary").is_file():
+                found.append(read_merl_binary(table / f"{name}.binary"))
+            elif networks.is_file():
+                found.append(read_neural_brdf(networks, name))
+            else:
+                raise InputError(
+                    f"has no {name}.binary",
+                    file=table,
+                    expected="a table for each of the materials",
+                )
+        return found
+
+    def files(self) -> list[Path]:
+        """The files that experiments may read, those that are there."""
+        if self.folder is None:
+            return []
+        latlong, merl, metal = (self.folder / x for x in ("envmaps/latlong", "merl", "textures/rustymetal"))
+        wanted = [latlong / f"{name}_1024x512.hdr" for name in PROBES]
+        wanted += [*sorted(merl.glob("*.binary")), merl / "merl_nbrdf.npz"]
+        wanted += [metal / "albedo.jpg", metal / "roughness.jpg"]
+        return [file for file in wanted if file.is_file()]
+
+    def fingerprint(self) -> str:
+        """SHA-256 of those files' names and bytes."""
+        digest = hashlib.sha256()
+        for file in self.files():
+            digest.update(file.name.encode() + hashlib.sha256(file.read_bytes()).digest())
+        return digest.hexdigest()
 
     def words(self) -> str:
         """What the figures rest on, for the page."""
         if self.folder is None:
-            return "Procedural lights and GGX materials stand in for probes and measured ones."
-        probes = [
-            name for name in PROBES if (self.folder / "envmaps/latlong" / f"{name}_1024x512.hdr").is_file()
-        ]
+            return "Procedural lights, GGX materials and random fields stand in for all measured data."
+        probes = [f.name.split("_")[0] for f in self.files() if f.suffix == ".hdr"]
         tables = any((self.folder / "merl").glob("*.binary"))
-        kind = "full tables" if tables else "Neural-BRDF fits" if self.merl_names else "none, stand-ins"
-        return f"Probes: {', '.join(probes) or 'none, stand-ins'}. MERL materials: {kind}."
+        kind = "full tables" if tables else "Neural-BRDF fits" if self.merl_names else "GGX stand-ins"
+        missing = sorted(set(PROBES) - set(probes))
+        lights = f"Probes: {', '.join(probes)}" if probes else "No probes"
+        lights += f" (procedural stand-ins for {', '.join(missing)})" if missing else ""
+        texture = "a photographed one" if any(f.suffix == ".jpg" for f in self.files()) else "random fields"
+        return f"{lights}. MERL materials: {kind}. Texture: {texture}."
+
+
+def stand_in(name: str) -> KernelBrdf:
+    """A GGX material, outside the generic bases, for a measured one that is not at hand."""
+    known = dict(zip(FOUR, four_materials(1), strict=True))
+    known |= {f"stand-in {i}": material for i, material in enumerate(many_materials(STAND_INS, 1))}
+    return KernelBrdf(name, ggx_basis(), in_ggx((known[name],))[0])

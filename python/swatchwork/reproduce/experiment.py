@@ -6,12 +6,13 @@ from __future__ import annotations
 
 import json
 import os
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ..progress import SILENT, Progress
+from ..progress import Task
 from .data import Data
 
 Figures = dict[str, Any]
@@ -51,7 +52,10 @@ class Setting:
     """Few texels, views, trials: a check that everything runs, with figures that are only a hint."""
     captures: Path | None = None
     """Folder of captures with a test/ each."""
-    progress: Progress = field(default=SILENT)
+    task: Task | None = None
+    """Told which part is being made."""
+    spent: list[float] = field(default_factory=list)
+    """Seconds that the parts took, in this run or before."""
 
     def pick(self, whole: Any, quick: Any) -> Any:
         """A number of the whole experiment, or of the quick one."""
@@ -61,11 +65,17 @@ class Setting:
         """The figures of a part: from an earlier run that was interrupted, or made now and kept."""
         file = self.folder / "parts" / f"{name}.json"
         if file.exists():
-            found: Figures = json.loads(file.read_text(encoding="utf-8"))
-            return found
-        made = make()
-        write_whole(file, json.dumps(made))
-        return made
+            part: Figures = json.loads(file.read_text(encoding="utf-8"))
+        else:
+            if self.task is not None:
+                self.task.describe(name)
+            start = time.perf_counter()
+            part = {"figures": make()}
+            part["seconds"] = time.perf_counter() - start
+            write_whole(file, json.dumps(part))
+        self.spent.append(part["seconds"])
+        figures: Figures = part["figures"]
+        return figures
 
 
 @dataclass(frozen=True)

@@ -12,18 +12,21 @@ from ..baselines import (
     PerTexel,
     PerTexelLobe,
     SparseAsPossible,
+    single_lobe_basis,
 )
 from ..reflectance import basis_by_name
 from ..solve import SolveOptions
 from .experiment import Claim, Experiment, Figures, Setting, Table
-from .spheres import Capture, Portrait, Test, captures, run, views_of
+from .spheres import Capture, Portrait, Test, captures, run, views_of, with_basis
 from .targets import two_of_four
 
 TEXELS = 600
-VIEWS = (6, 12, 24, 48, 75)
-STRENGTHS = (0.1, 0.03, 0.01, 0.003, 0.001)
+VIEWS = (6, 12, 24, 48, 62, 75)
+STRENGTHS = (0.5, 0.2, 0.1, 0.03, 0.01, 0.001)
 """Penalties of the global linear model; its best one by the true error is shown, which can only help it."""
 BASIS = "extended"
+FEW = 2
+"""Kernels of a channel that a texel may have without a sparse basis: about one diffuse and one specular."""
 EQUAL = 1.05
 """Error, as a multiple, that counts as equal quality."""
 
@@ -31,10 +34,10 @@ EQUAL = 1.05
 def methods(setting: Setting) -> list[Method]:
     """Ours first."""
     most = SolveOptions(max_N=setting.pick(10, 5), max_n=setting.pick(5, 2))
-    ours: list[Method] = [SparseAsPossible(most), NoSparseBlend(most), PerTexel()]
+    ours: list[Method] = [SparseAsPossible(most), NoSparseBlend(most), PerTexel(FEW, "no sparse basis")]
     strengths = setting.pick(STRENGTHS, STRENGTHS[2:3])
     low_rank: list[Method] = [GlobalLinear(s, iterations=setting.pick(400, 50)) for s in strengths]
-    return [*ours, *low_rank, Clustering(4), PerTexelLobe()]
+    return [*ours, *low_rank, PerTexel(), Clustering(4), PerTexelLobe()]
 
 
 def measure(setting: Setting) -> Figures:
@@ -42,29 +45,37 @@ def measure(setting: Setting) -> Figures:
     sphere = two_of_four(setting.data, setting.pick(TEXELS, 120))
     light, test = setting.data.probe("stpeters"), Test.of(sphere, setting.data.probe("uffizi"))
     portrait = Portrait(sphere, test.light, setting.folder / "parts", setting.pick(120, 48))
+    ours = methods(setting)[0]
     enough = 0.0
     runs: list[Figures] = []
     reached: set[str] = set()
     for k in setting.pick(VIEWS, (3,)):
         capture = captures(sphere, light, views_of(0)[:k], basis_by_name(BASIS))
+        lobes = with_basis(capture, single_lobe_basis())
         for method in methods(setting):
             if method.name in reached:
                 continue
             label = f"{method.name} {method.strength:g}" if isinstance(method, GlobalLinear) else method.name
             name = label.replace(" ", "-")
 
-            def make(
-                method: Method = method, capture: Capture = capture, name: str = f"fig6-{k}-{name}"
-            ) -> Figures:
-                return run(method, capture, [test], portrait, name)
+            taken = lobes if isinstance(method, Clustering | PerTexelLobe) else capture
+            part = f"fig6-{k}-{name}"
 
-            runs.append(setting.kept(f"fig6-{k}-{name}", make) | {"label": label})
+            def make(method: Method = method, taken: Capture = taken, part: str = part) -> Figures:
+                return run(method, taken, [test], portrait, part)
+
+            runs.append(setting.kept(part, make) | {"label": label})
             enough = enough or EQUAL * float(runs[-1]["nrms"])
         reached |= {r["method"] for r in runs if r["nrms"] <= enough}
     least = min(r["k"] for r in runs)
+
+    def published() -> Figures:
+        return run(ours, captures(sphere, light, views_of(0)[:least], basis_by_name("paper")), [test])
+
+    in_paper_basis = setting.kept("fig6-paper-basis", published)
     shown = {f"fig6-{least}-{r['label'].replace(' ', '-')}": r["label"] for r in runs if r["k"] == least}
     portrait.show(setting.folder / "fig6.png", shown)
-    return {"runs": runs, "enough": enough}
+    return {"runs": runs, "enough": enough, "in_paper_basis": in_paper_basis}
 
 
 def best(figures: Figures, method: str, k: int) -> Figures | None:
@@ -108,7 +119,7 @@ def claims(figures: Figures) -> list[Claim]:
             Claim(
                 f"{name}: equal quality needs k = {views}.",
                 f"needs k = {need} (of those tried)",
-                not need.isdigit() or int(need) > k,
+                need == str(views),
             )
         )
     if rank is not None:
@@ -133,6 +144,9 @@ def tables(figures: Figures) -> list[Table]:
             cells.append("" if r is None else f"{100 * r['nrms']:.1f} (N = {r['materials']})")
         rows.append((name, *cells, needed(figures, name)))
     head = ("method", *(f"k = {k}" for k in views), "k for equal quality")
+    published = figures["in_paper_basis"]
+    words = f"{100 * published['nrms']:.1f} (N = {published['materials']})"
+    rows.append((f"{published['method']}, paper's basis", words, *([""] * (len(views) - 1)), ""))
     return [Table(head, tuple(rows), f"NRMS in % and the materials found, {BASIS} basis")]
 
 

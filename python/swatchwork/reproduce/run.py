@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import time
 from collections.abc import Sequence
@@ -12,9 +13,10 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from ..capture import read_capture
 from ..errors import InputError
 from ..progress import SILENT, Progress
-from ..workflow import digest_of_the_package
+from ..workflow import digest_of_the_package, fingerprints
 from .data import Data
 from .experiment import Claim, Experiment, Figures, Setting, write_whole
 from .fig4 import FIG4
@@ -89,10 +91,10 @@ def reproduce(
             task.describe(experiment.title)
             file = folder / f"{experiment.name}.json"
             if not file.exists():
-                before = time.perf_counter()
-                figures = experiment.run(replace(setting, progress=progress))
-                seconds = time.perf_counter() - before
-                write_whole(file, json.dumps({"figures": figures, "seconds": seconds}, indent=1) + "\n")
+                own = replace(setting, task=task, spent=[])
+                figures = experiment.run(own)
+                found_now = {"figures": figures, "seconds": sum(own.spent)}
+                write_whole(file, json.dumps(found_now, indent=1) + "\n")
             task.advance(experiment.minutes)
     for experiment in EXPERIMENTS:
         file = folder / f"{experiment.name}.json"
@@ -119,17 +121,33 @@ def experiments_of(names: Sequence[str]) -> list[Experiment]:
 
 def _agree(setting: Setting) -> None:
     """Finished parts in the folder must be of the same code, data and size as what is to come."""
-    head = {"code": digest_of_the_package(), "quick": setting.quick, "data": setting.data.words()}
-    head["captures"] = "made here" if setting.captures is None else "given"
+    if setting.folder.exists() and not setting.folder.is_dir():
+        raise InputError("is a file", file=setting.folder, expected="a folder, new or of an earlier run")
+    head = {
+        "code": digest_of_the_package(),
+        "quick": setting.quick,
+        "data": setting.data.fingerprint(),
+        "captures": _digest_of(setting.captures),
+    }
     file = setting.folder / "setting.json"
     if not file.exists():
         write_whole(file, json.dumps(head, indent=1) + "\n")
         return
     there = json.loads(file.read_text(encoding="utf-8"))
-    if there != head:
+    other = sorted(key for key in head if there.get(key) != head[key])
+    if other:
         raise InputError(
-            f"holds figures of another setting: {there}",
+            f"holds figures of another setting: its {' and '.join(other)} differ",
             file=setting.folder,
-            expected=str(head),
+            expected="the same code, size, data and captures as now",
             hint="Choose another folder, or remove this one",
         )
+
+
+def _digest_of(captures: Path | None) -> str:
+    """SHA-256 of what the captures' files are; which is also a check that all of them can be read."""
+    digest = hashlib.sha256()
+    for file in sorted(captures.glob("*/test/transforms.json")) if captures is not None else []:
+        for folder in (file.parent.parent, file.parent):
+            digest.update(json.dumps(fingerprints(read_capture(folder))).encode())
+    return digest.hexdigest()

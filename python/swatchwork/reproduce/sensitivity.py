@@ -124,17 +124,15 @@ def _rotation(a: F64, b: F64) -> F64:
 
 def claims(figures: Figures) -> list[Claim]:
     """Shinier is more sensitive."""
-    most = max(r["amount"] for r in figures["runs"])
-    rise = [
-        (r["sigma"], r["nrms"])
-        for r in sorted(figures["runs"], key=lambda r: r["sigma"])
-        if r["amount"] == most
-    ]
+    amounts, sigmas = (sorted({r[key] for r in figures["runs"]}) for key in ("amount", "sigma"))
+    of = {(r["sigma"], r["amount"]): r["nrms"] for r in figures["runs"]}
+    rise = [of[s, amounts[-1]] - of[s, amounts[0]] for s in sigmas]
+    words = ", ".join(f"{100 * x:.1f} % (sigma {s:g})" for s, x in zip(sigmas, rise, strict=True))
     return [
         Claim(
             "Shinier materials are more sensitive.",
-            f"at the largest error, NRMS {', '.join(f'{100 * e:.1f} % (sigma {s:g})' for s, e in rise)}",
-            all(a[1] >= b[1] for a, b in pairwise(rise)),
+            f"from no error to the largest NRMS rises by {words}",
+            rise[-1] > 0 and all(a >= b for a, b in pairwise(rise)),
         )
     ]
 

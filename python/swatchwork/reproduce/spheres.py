@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property, lru_cache
 from pathlib import Path
 
@@ -100,6 +100,11 @@ def captures(
 ) -> Capture:
     """A capture that is made when first asked for, and then kept: methods share it."""
     return cache(lambda: sphere.captured(light, views, basis, noise_percent, seed))
+
+
+def with_basis(capture: Capture, basis: GenericBasis) -> Capture:
+    """The same measurements for a method that uses another basis."""
+    return cache(lambda: replace(capture(), basis=basis))
 
 
 @dataclass(frozen=True, eq=False)

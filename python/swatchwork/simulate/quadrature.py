@@ -9,7 +9,8 @@ Half-vectors lie on log-polar rings, far denser than the operator's own, and ser
 An isotropic reflectance depends on the viewer only through n.o, so that f cos_i n.o is tabulated over the
 half-vectors for a few n.o and is linear between them: a hundred materials cost little more than one. Far
 from the normal, where half-vectors are wide apart, windows and lamps are taken out of the light and summed as
-point lights, by and by between tan(alpha) = 0.08 and 0.4.
+point lights, by and by between tan(alpha) = 0.05 and 0.2. Against the ring operator at 150 random pairs the
+NRMS of a kernel is 0.3 to 2 % under St. Peter's, 0.4 to 1.3 % under Grace, 0.2 to 0.7 % under Uffizi.
 """
 
 from __future__ import annotations
@@ -33,9 +34,9 @@ NODES = np.concatenate([[0.02, 0.03, 0.04, 0.055, 0.075], np.linspace(0.1, 1.0, 
 """n.o at which f is tabulated: dense at the rim, where it changes fastest."""
 PAIRS_AT_ONCE = 64
 LIGHT_SIZE = 1024
-POINTS, POINT_SIZE = 128, 64
+POINTS, POINT_SIZE = 256, 128
 """Point lights at most, each the lamps in one pixel of an octahedral raster of that size."""
-NEAR, FAR = 0.08, 0.4
+NEAR, FAR = 0.05, 0.2
 """tan(alpha) up to which lamps are in the picture, and from which on they are points."""
 COLUMNS = 1 << 14
 """Of a list of lookups folded into rows: cv2.remap takes at most 32767."""
@@ -97,7 +98,8 @@ def half_vectors() -> tuple[F64, F64]:
     directions, measure = [], []
     for a0, a1 in pairwise(np.arctan(t)):
         middle = np.tan((a0 + a1) / 2)
-        count = 8 if middle < 0.01 else 16 if middle < 0.05 else 32 if middle < 0.2 else 64
+        # Where lamps are in the picture an azimuth is as wide as a window may be.
+        count = 16 if middle < 0.01 else 64 if middle < 0.05 else 192 if middle < FAR else 64
         phi = (np.arange(count) + 0.5) * (2 * np.pi / count)
         c = (np.cos(a0) + np.cos(a1)) / 2  # splits the ring's area in two
         s = np.sqrt(1 - c * c)

@@ -99,7 +99,7 @@ class SphereCapture:
 
     @property
     def views(self) -> int:
-        """k, of those that see any of it."""
+        """k, up to the last that sees any of it."""
         return int(self.pairs.view.max()) + 1
 
     @cached_property

@@ -8,7 +8,7 @@ from .costs import CostRecorder, StageCost
 from .demonstration import DemoSummary, run_demo
 from .describing import describe
 from .measuring import evaluate_folders
-from .recovery import ReconstructSummary, digest_of_the_package, reconstruct_folder
+from .recovery import ReconstructSummary, digest_of_the_package, fingerprints, reconstruct_folder
 from .relighting import RelightSummary, relight_folder
 
 __all__ = [
@@ -22,6 +22,7 @@ __all__ = [
     "describe",
     "digest_of_the_package",
     "evaluate_folders",
+    "fingerprints",
     "reconstruct_folder",
     "relight_folder",
     "run_demo",
