@@ -21,6 +21,7 @@ BRIGHT = 0.6
 TOP = 0.3
 """Difference, of the reference's root mean square, that the top colour of a heat map stands for."""
 LABEL_PX = 18
+FONT = (cv2.FONT_HERSHEY_SIMPLEX, 0.4, 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,13 +91,19 @@ def comparison(file: Path, disc: Disc, reference: F64, found: Sequence[tuple[str
 
 
 def _column(name: str, picture: U8, difference: U8) -> U8:
-    return np.concatenate([caption(name, picture.shape[1]), picture, difference])
+    """Two pictures under a name, on white as wide as the name."""
+    both = np.concatenate([picture, difference])
+    wider = max(0, cv2.getTextSize(name, *FONT)[0][0] + 8 - both.shape[1])
+    left = wider // 2
+    padded = np.pad(both, ((0, 0), (left, wider - left), (0, 0)))
+    return np.concatenate([caption(name, padded.shape[1]), padded])
 
 
 def caption(text: str, width: int) -> U8:
     """A strip with a text, as wide as the picture below it."""
     strip = np.full((LABEL_PX, width, 4), 255, np.uint8)
-    cv2.putText(strip, text, (4, 13), cv2.FONT_HERSHEY_SIMPLEX, 0.4, (0, 0, 0, 255), 1, cv2.LINE_AA)
+    face, scale, thickness = FONT
+    cv2.putText(strip, text, (4, 13), face, scale, (0, 0, 0, 255), thickness, cv2.LINE_AA)
     return strip
 
 
