@@ -81,7 +81,7 @@ validate: setup ## measure exactness, synthetic blends, captures (hours); write 
 # Finished parts are kept in target/reproduction; `rm -r` it to begin anew.
 reproduce: setup ## run the paper's experiments (hours); write docs/reproduction.md
 	$(BIN)/swatchwork reproduce all --data $(DATA) --captures $(CAPTURES) -o target/reproduction
-	cp target/reproduction/reproduction.md docs/reproduction.md
+	{ cat target/reproduction/reproduction.md; echo; echo "Commit $$(git rev-parse --short HEAD), $$(date +%F)."; } > docs/reproduction.md
 
 picture: setup ## make the README's picture, docs/picture.png, from the demo
 	$(BIN)/swatchwork demo $(DEMO) --picture docs/picture.png
