@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Swatchwork contributors
 # SPDX-License-Identifier: MIT
-"""The paper's experiments (sections 5 and 7.1), one short file each, from one command to one page."""
+"""The paper's experiments (section 7.1), one short file each, from one command to one page."""
 
 from __future__ import annotations
 

@@ -28,8 +28,6 @@ class Claim:
     found: str
     """Our figure, in words."""
     holds: bool
-    why: str = ""
-    """Where it does not hold, or holds otherwise: why."""
 
 
 @dataclass(frozen=True)

@@ -82,7 +82,7 @@ FIG4 = Experiment(
     measure,
     claims,
     tables,
-    minutes=20,
+    minutes=5,
     how="A sphere textured like a tarnished copper plate, of five GGX materials outside the basis, three "
     "of them blended at a point ('copper' of Wang et al. is not public), captured under Grace from "
     "random views; NRMS under Uffizi from four other views.",

@@ -88,7 +88,7 @@ FIG5 = Experiment(
     measure,
     claims,
     tables,
-    minutes=3,
+    minutes=0.5,
     how=f"The target and capture light of Fig. 4 with n = {n}, N = {N} given; the whole fit by each search. "
     "Supports are those that the last blend step looks at.",
 )

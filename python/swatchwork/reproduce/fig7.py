@@ -169,7 +169,7 @@ FIG7 = Experiment(
     measure,
     claims,
     tables,
-    minutes=15,
+    minutes=4,
     how="Three generic materials by barycentric coordinates, and the textured target of Fig. 4. Ours from "
     "12 views under St. Peter's; Goldman's method, whose light is directional, from one random light "
     "a view, N tried from 5 to 25. Its lobes are Cook-Torrance's instead of Ward's, so that it has "

@@ -75,7 +75,7 @@ FIG9 = Experiment(
     measure,
     claims,
     tables,
-    minutes=1,
+    minutes=0.2,
     how="A sphere of two materials of roughness 0.165 (between two sigmas of the basis), specular colours "
     "scaled so that both reflect alike at normal incidence; k = 8 under Grace.",
 )

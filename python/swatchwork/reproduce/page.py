@@ -61,8 +61,7 @@ def _section(experiment: Experiment, found: Any, setting: Setting) -> str:
 
 
 def _row(claim: Claim) -> tuple[str, str, str]:
-    why = f" {claim.why}" if claim.why else ""
-    return claim.paper, claim.found, ("holds" if claim.holds else "**does not hold**") + why
+    return claim.paper, claim.found, "holds" if claim.holds else "**does not hold**"
 
 
 def _table(table: Table) -> str:

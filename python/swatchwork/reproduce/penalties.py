@@ -85,6 +85,6 @@ PENALTIES = Experiment(
     measure,
     claims,
     tables,
-    minutes=6,
+    minutes=2,
     how="The target and lights of Fig. 4, k = 10 views, penalties given instead of automatic.",
 )

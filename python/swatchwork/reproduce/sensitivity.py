@@ -151,7 +151,7 @@ FIG10 = Experiment(
     measure_normals,
     claims,
     lambda figures: _tables(figures, "mean angle, degrees"),
-    minutes=2,
+    minutes=0.3,
     how="Spheres of one glossy material each, six views under Grace, normals perturbed at random; NRMS "
     "under Uffizi with the true normals.",
 )
@@ -161,6 +161,6 @@ FIG11 = Experiment(
     measure_cameras,
     claims,
     lambda figures: _tables(figures, "noise, % of distance"),
-    minutes=2,
+    minutes=0.3,
     how="The same spheres with camera positions perturbed at random, each still looking at the centre.",
 )
