@@ -50,6 +50,8 @@ class Setting:
     """Few texels, views, trials: a check that everything runs, with figures that are only a hint."""
     captures: Path | None = None
     """Folder of captures with a test/ each."""
+    code: str = ""
+    """Digest of the package: parts that other code made are not used."""
     task: Task | None = None
     """Told which part is being made."""
     spent: list[float] = field(default_factory=list)
@@ -59,9 +61,14 @@ class Setting:
         """A number of the whole experiment, or of the quick one."""
         return quick if self.quick else whole
 
+    @property
+    def parts(self) -> Path:
+        """Finished parts of this code."""
+        return self.folder / "parts" / self.code[:12]
+
     def kept(self, name: str, make: Callable[[], Figures]) -> Figures:
         """The figures of a part: from an earlier run that was interrupted, or made now and kept."""
-        file = self.folder / "parts" / f"{name}.json"
+        file = self.parts / f"{name}.json"
         if file.exists():
             part: Figures = json.loads(file.read_text(encoding="utf-8"))
         else:

@@ -17,7 +17,7 @@ from ..baselines import (
 from ..reflectance import basis_by_name
 from ..solve import SolveOptions
 from .experiment import Claim, Experiment, Figures, Setting, Table
-from .spheres import Capture, Portrait, Test, captures, run, views_of, with_basis
+from .spheres import Capture, Portrait, Test, captures, label_of, run, views_of, with_basis
 from .targets import two_of_four
 
 TEXELS = 600
@@ -44,7 +44,7 @@ def measure(setting: Setting) -> Figures:
     """Every method at ever more views, until it has the error of ours at six."""
     sphere = two_of_four(setting.data, setting.pick(TEXELS, 120))
     light, test = setting.data.probe("stpeters"), Test.of(sphere, setting.data.probe("uffizi"))
-    portrait = Portrait(sphere, test.light, setting.folder / "parts", setting.pick(120, 48))
+    portrait = Portrait(sphere, test.light, setting.parts, setting.pick(120, 48))
     ours = methods(setting)[0]
     enough = 0.0
     runs: list[Figures] = []
@@ -55,9 +55,8 @@ def measure(setting: Setting) -> Figures:
         for method in methods(setting):
             if method.name in reached:
                 continue
-            label = f"{method.name} {method.strength:g}" if isinstance(method, GlobalLinear) else method.name
+            label = label_of(method)
             name = label.replace(" ", "-")
-
             taken = lobes if isinstance(method, Clustering | PerTexelLobe) else capture
             part = f"fig6-{k}-{name}"
 
@@ -141,7 +140,8 @@ def tables(figures: Figures) -> list[Table]:
         cells = []
         for k in views:
             r = best(figures, name, k)
-            cells.append("" if r is None else f"{100 * r['nrms']:.1f} (N = {r['materials']})")
+            unfinished = "" if r is None or r["status"] == "converged" else ", iteration limit"
+            cells.append("" if r is None else f"{100 * r['nrms']:.1f} (N = {r['materials']}{unfinished})")
         rows.append((name, *cells, needed(figures, name)))
     head = ("method", *(f"k = {k}" for k in views), "k for equal quality")
     published = figures["in_paper_basis"]

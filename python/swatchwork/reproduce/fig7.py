@@ -33,7 +33,7 @@ def measure(setting: Setting) -> Figures:
     runs = []
     for name, sphere in targets.items():
         test, capture = Test.of(sphere, novel), captures(sphere, light, views, paper())
-        portrait = Portrait(sphere, novel, setting.folder / "parts", setting.pick(180, 64))
+        portrait = Portrait(sphere, novel, setting.parts, setting.pick(180, 64))
         shown: dict[str, str] = {}
         most = SolveOptions(max_N=setting.pick(10, 4), max_n=setting.pick(5, 3))
         for label, options in (("ours, n free", most), ("ours, n = 2", replace(most, n=2))):

@@ -15,7 +15,7 @@ from ..capture.images import read_coded
 from ..light import Environment
 from ..reflectance import basis_by_name
 from ..response import generic_responses
-from ..simulate import MeasuredBrdf, Pairs, fibonacci_sphere, measured_responses, nrms, visible_pairs
+from ..simulate import MeasuredMaterials, Pairs, fibonacci_sphere, nrms, visible_pairs
 from ..solve import Problem
 from .data import STAND_INS
 from .experiment import Claim, Experiment, Figures, Setting, Table
@@ -53,9 +53,17 @@ def _some(setting: Setting, names: tuple[str, ...]) -> list[Figures]:
     normal = fibonacci_sphere(setting.pick(TEXELS, 150))
     seen, test = visible_pairs(normal, VIEW), visible_pairs(normal, TEST_VIEW)
     lights = {name: setting.data.probe(name) for name in (*CAPTURES, *NOVEL)}
-    captured = {name: _lit(brdfs, lights[name], seen) for name in CAPTURES}
-    truth = {name: _lit(brdfs, lights[name], test) for name in NOVEL}
-    pictures = [_disc(brdfs, lights[name]) for name in NOVEL]
+    materials = MeasuredMaterials(brdfs)
+
+    def lit(name: str, pairs: Pairs) -> F64:
+        """Radiance [P, B, 3] of each material."""
+        return materials.responses(
+            lights[name], pairs.normal.astype(np.float64), pairs.to_viewer.astype(np.float64)
+        )
+
+    captured = {name: lit(name, seen) for name in CAPTURES}
+    truth = {name: lit(name, test) for name in NOVEL}
+    pictures = [lit(name, DISC.pairs) for name in NOVEL]
     found = []
     for b, brdf in enumerate(brdfs):
         lobe = Recovered(
@@ -75,10 +83,6 @@ def _some(setting: Setting, names: tuple[str, ...]) -> list[Figures]:
     return found
 
 
-def _lit(brdfs: list[MeasuredBrdf], light: Environment, pairs: Pairs) -> F64:
-    return measured_responses(brdfs, light, pairs.normal, pairs.to_viewer)
-
-
 def _fitted(basis: str, light: Environment, pairs: Pairs, radiance: F64) -> Recovered:
     """One representative for the whole sphere, from one picture (N = n = 1: Eq. 6)."""
     generic = basis_by_name(basis)
@@ -91,12 +95,7 @@ def _fitted(basis: str, light: Environment, pairs: Pairs, radiance: F64) -> Reco
 
 
 def _error(fit: Recovered, light: Environment, pairs: Pairs, truth: F64) -> float:
-    return nrms(rendered(fit, fit.weights, light, pairs), truth, pairs)
-
-
-def _disc(brdfs: list[MeasuredBrdf], light: Environment) -> F64:
-    """Radiance [pixels, B, 3] of each material's picture."""
-    return _lit(brdfs, light, DISC.pairs)
+    return nrms(rendered(fit, fit.weights, light, pairs), truth, pairs.normal, pairs.to_viewer)
 
 
 def _picture(file: Path, b: int, truth: list[F64], fits: list[Recovered], lights: list[Environment]) -> None:

@@ -52,7 +52,9 @@ def _section(experiment: Experiment, found: Any, setting: Setting) -> str:
         + (" --captures CAPTURES" if setting.captures else "")
         + (" --quick" if setting.quick else "")
     )
-    parts = [f"## {experiment.title}\n", f"`swatchwork reproduce {experiment.name}{options} -o DIR`\n"]
+    commit = f", commit {found['commit']}" if found["commit"] else ""
+    command = f"`swatchwork reproduce {experiment.name}{options} -o DIR`{commit}\n"
+    parts = [f"## {experiment.title}\n", command]
     parts.append(experiment.how + "\n")
     claims = experiment.claims(found["figures"])
     parts.append(_table(Table(("the paper", "here", "verdict"), tuple(_row(claim) for claim in claims))))

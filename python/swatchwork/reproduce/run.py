@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import subprocess
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -67,7 +68,8 @@ def reproduce(
     """Run the paper's experiments and write their page.
 
     Args:
-        names: experiments, or "all". What an earlier run with the same data and size finished is kept.
+        names: experiments, or "all". What the same code finished before is kept; figures that other code made
+            stay on the page until their experiment is run again.
         output: folder of figures (NAME.json), pictures and reproduction.md.
         data: folder of probes, materials and textures (data.py); procedural stand-ins without it.
         captures: folder of captures with a ``test/`` each, for "methods"; one is made without it.
@@ -83,18 +85,18 @@ def reproduce(
     at = Path(captures) if captures is not None else None
     if at is not None and not any(at.glob("*/test/transforms.json")):
         raise InputError("holds no captures", file=at, expected="folders with a test/transforms.json each")
-    setting = Setting(given, folder, quick, at)
+    setting = Setting(given, folder, quick, at, code=digest_of_the_package())
     _agree(setting)
     found: dict[str, Figures] = {}
     with progress.stage("Experiments", sum(e.minutes for e in chosen)) as task:
         for experiment in chosen:
             task.describe(experiment.title)
             file = folder / f"{experiment.name}.json"
-            if not file.exists():
+            if not _finished(file, setting.code):
                 own = replace(setting, task=task, spent=[])
                 figures = experiment.run(own)
-                found_now = {"figures": figures, "seconds": sum(own.spent)}
-                write_whole(file, json.dumps(found_now, indent=1) + "\n")
+                made = {"code": setting.code, "commit": _commit(), "figures": figures}
+                write_whole(file, json.dumps(made | {"seconds": sum(own.spent)}, indent=1) + "\n")
             task.advance(experiment.minutes)
     for experiment in EXPERIMENTS:
         file = folder / f"{experiment.name}.json"
@@ -120,11 +122,10 @@ def experiments_of(names: Sequence[str]) -> list[Experiment]:
 
 
 def _agree(setting: Setting) -> None:
-    """Finished parts in the folder must be of the same code, data and size as what is to come."""
+    """Figures in the folder must be of the same data and size as what is to come."""
     if setting.folder.exists() and not setting.folder.is_dir():
         raise InputError("is a file", file=setting.folder, expected="a folder, new or of an earlier run")
     head = {
-        "code": digest_of_the_package(),
         "quick": setting.quick,
         "data": setting.data.fingerprint(),
         "captures": _digest_of(setting.captures),
@@ -139,9 +140,24 @@ def _agree(setting: Setting) -> None:
         raise InputError(
             f"holds figures of another setting: its {' and '.join(other)} differ",
             file=setting.folder,
-            expected="the same code, size, data and captures as now",
+            expected="the same size, data and captures as now",
             hint="Choose another folder, or remove this one",
         )
+
+
+def _finished(file: Path, code: str) -> bool:
+    """Whether this code has made an experiment's figures; or other code did."""
+    return file.exists() and json.loads(file.read_text(encoding="utf-8"))["code"] == code
+
+
+def _commit() -> str:
+    """The commit of the checkout that the package runs from, if it does."""
+    command = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty", "--exclude=*"]
+    try:
+        found = subprocess.run(command, capture_output=True, text=True, timeout=10, check=False)
+    except (OSError, subprocess.TimeoutExpired):
+        return ""
+    return found.stdout.strip() if found.returncode == 0 else ""
 
 
 def _digest_of(captures: Path | None) -> str:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..arrays import F64
+from ..arrays import F64, Bool
 from ..baselines import Measurements, Method, Recovered
 from ..light import Environment
 from ..reflectance import GenericBasis
@@ -44,7 +44,20 @@ class Test:
 
     def error(self, found: Recovered, weights: F64) -> float:
         """NRMS of the pictures, by pixels, of a reflectance with weights [M, N] at all texels."""
-        return nrms(rendered(found, weights, self.light, self.pairs), self.truth, self.pairs)
+        made = rendered(found, weights, self.light, self.pairs)
+        return nrms(made, self.truth, self.pairs.normal, self.pairs.to_viewer)
+
+    def errors(self, found: Recovered, weights: F64, seen: Bool) -> tuple[float, float]:
+        """NRMS of the pictures, by pixels: of all they show, and of texels that are seen [M] in the capture.
+
+        ``weights`` [M, N] are those of all texels.
+        """
+        made, at = rendered(found, weights, self.light, self.pairs), seen[self.pairs.texel]
+        normal, to_viewer = self.pairs.normal, self.pairs.to_viewer
+        return (
+            nrms(made, self.truth, normal, to_viewer),
+            nrms(made[at], self.truth[at], normal[at], to_viewer[at]),
+        )
 
 
 def rendered(found: Recovered, weights: F64, light: Environment, pairs: Pairs) -> F64:
@@ -71,6 +84,12 @@ def recover(method: Method, capture: SphereCapture) -> tuple[Recovered, F64]:
     return found, found.weights[capture.nearest_seen]
 
 
+def label_of(method: Method) -> str:
+    """A method's name, and its penalty where several are tried."""
+    strength = getattr(method, "strength", None)
+    return method.name if strength is None else f"{method.name} {strength:g}"
+
+
 def run(
     method: Method, capture: Capture, tests: Sequence[Test], portrait: Portrait | None = None, name: str = ""
 ) -> dict[str, float | str]:
@@ -79,11 +98,13 @@ def run(
     found, weights = recover(method, taken)
     if portrait is not None:
         portrait.take(name, found, weights)
-    errors = [test.error(found, weights) for test in tests]
+    seen = np.diff(taken.pairs.offsets) > 0
+    errors = np.mean([test.errors(found, weights, seen) for test in tests], axis=0)
     return {
         "method": method.name,
         "k": taken.views,
-        "nrms": float(np.mean(errors)),
+        "nrms": float(errors[0]),
+        "nrms_seen": float(errors[1]),
         "materials": found.materials,
         "status": found.status,
         **{f"found_{name}": value for name, value in found.found.items()},

@@ -15,7 +15,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ..arrays import F32, F64, I32, I64, unit
+from ..arrays import F32, F64, I32, I64, Float, unit
 from ..light import Environment
 from ..reflectance import GenericBasis
 from ..response import generic_responses, representative_responses
@@ -125,7 +125,7 @@ class SphereCapture:
         return np.asarray(cKDTree(self.normal[self.seen]).query(self.normal)[1], dtype=np.int32)
 
 
-def nrms(a: F64, b: F64, pairs: Pairs) -> float:
+def nrms(a: F64, b: F64, normal: Float, to_viewer: Float) -> float:
     """NRMS of radiance [P, 3] against a reference, each pair by the pixels it covers: by n.o."""
-    cosine = np.einsum("px,px->p", unit(pairs.normal), unit(pairs.to_viewer))[:, None]
+    cosine = np.einsum("px,px->p", unit(normal), unit(to_viewer))[:, None]
     return float(np.sqrt((cosine * (a - b) ** 2).sum() / (cosine * b**2).sum()))
