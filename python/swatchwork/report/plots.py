@@ -30,7 +30,7 @@ def search_plot(trials: Sequence[Trial], chosen: tuple[int, int] | None) -> Html
     def y(objective: float) -> float:
         return TOP + (HEIGHT - TOP - BOTTOM) * math.log(high / objective) / math.log(high / low)
 
-    parts = [_horizontal(y(tick), _short(tick)) for tick in _ticks(low, high)]
+    parts = [_horizontal(y(tick), short(tick)) for tick in round_values(low, high)]
     for N in range(N_low, N_high + 1):
         parts.append(
             el("text", str(N), x=x(N), y=float(HEIGHT - BOTTOM + 20), cls="tick", text_anchor="middle")
@@ -81,7 +81,7 @@ def _line_labels(ends: list[tuple[float, float, int]]) -> list[Html]:
     return out
 
 
-def _ticks(low: float, high: float) -> list[float]:
+def round_values(low: float, high: float) -> list[float]:
     """Round values between ``low`` and ``high``: 1, 2, 5 a decade, and closer ones over a short range."""
     for steps in (
         (1, 10),
@@ -97,5 +97,6 @@ def _ticks(low: float, high: float) -> list[float]:
     return [low, math.sqrt(low * high), high]
 
 
-def _short(value: float) -> str:
-    return f"{value:.3g}" if 1e-3 <= value < 1e4 else f"{value:.1e}".replace("e-0", "e-")
+def short(value: float) -> str:
+    """A number for an axis."""
+    return f"{value:.3g}" if value == 0 or 1e-3 <= value < 1e4 else f"{value:.1e}".replace("e-0", "e-")

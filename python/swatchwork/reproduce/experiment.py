@@ -7,7 +7,7 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,20 @@ class Claim:
     found: str
     """Our figure, in words."""
     holds: bool
+    why: str = ""
+    """Where it does not: what was found out about it."""
+
+
+@dataclass(frozen=True)
+class Plot:
+    """Curves for the page."""
+
+    name: str
+    """Of the picture, NAME.svg."""
+    curves: Mapping[str, Sequence[tuple[float, float]]]
+    x_label: str
+    y_label: str
+    logarithmic: bool = True
 
 
 @dataclass(frozen=True)
@@ -66,6 +80,11 @@ class Setting:
         """Finished parts of this code."""
         return self.folder / "parts" / self.code[:12]
 
+    @property
+    def pictures(self) -> Path:
+        """What the page shows."""
+        return self.folder / "pictures"
+
     def kept(self, name: str, make: Callable[[], Figures]) -> Figures:
         """The figures of a part: from an earlier run that was interrupted, or made now and kept."""
         file = self.parts / f"{name}.json"
@@ -97,6 +116,9 @@ class Experiment:
     """About, on two cores."""
     how: str
     """What was done, in a few sentences for the page."""
+    plots: Callable[[Figures], list[Plot]] = lambda figures: []
+    pictures: tuple[tuple[str, str], ...] = ()
+    """Files that it writes into ``setting.pictures``, and what each shows."""
 
 
 def write_whole(file: Path, text: str) -> None:

@@ -16,7 +16,7 @@ from ..baselines import (
 )
 from ..reflectance import basis_by_name
 from ..solve import SolveOptions
-from .experiment import Claim, Experiment, Figures, Setting, Table
+from .experiment import Claim, Experiment, Figures, Plot, Setting, Table
 from .spheres import Capture, Portrait, Test, captures, label_of, run, views_of, with_basis
 from .targets import two_of_four
 
@@ -73,7 +73,7 @@ def measure(setting: Setting) -> Figures:
 
     in_paper_basis = setting.kept("fig6-paper-basis", published)
     shown = {f"fig6-{least}-{r['label'].replace(' ', '-')}": r["label"] for r in runs if r["k"] == least}
-    portrait.show(setting.folder / "fig6.png", shown)
+    portrait.show(setting.pictures / "fig6.png", shown)
     return {"runs": runs, "enough": enough, "in_paper_basis": in_paper_basis}
 
 
@@ -150,6 +150,15 @@ def tables(figures: Figures) -> list[Table]:
     return [Table(head, tuple(rows), f"NRMS in % and the materials found, {BASIS} basis")]
 
 
+def plots(figures: Figures) -> list[Plot]:
+    """Error against k."""
+    curves = {}
+    for name in dict.fromkeys(r["method"] for r in figures["runs"]):
+        tried = {k: best(figures, name, k) for k in sorted({r["k"] for r in figures["runs"]})}
+        curves[name] = [(float(k), 100 * r["nrms"]) for k, r in tried.items() if r is not None]
+    return [Plot("fig6", curves, "k, views", "novel-light NRMS in %")]
+
+
 FIG6 = Experiment(
     "fig6",
     "Fig. 6: sparseness, and the global linear model",
@@ -161,4 +170,6 @@ FIG6 = Experiment(
     "at a point, rendered by dense quadrature, captured under St. Peter's; NRMS under Uffizi from "
     "four other views, rims to n.o = 0.03 included. 'No sparse basis' fits every texel by itself with "
     "all generic kernels.",
+    plots=plots,
+    pictures=(("fig6.png", "what each method recovers, and its differences"),),
 )

@@ -18,7 +18,7 @@ from ..response import generic_responses
 from ..simulate import MeasuredMaterials, Pairs, fibonacci_sphere, nrms, visible_pairs
 from ..solve import Problem
 from .data import STAND_INS
-from .experiment import Claim, Experiment, Figures, Setting, Table
+from .experiment import Claim, Experiment, Figures, Plot, Setting, Table
 from .pictures import Disc, caption, exposure_of, write_flat
 from .spheres import rendered
 
@@ -117,7 +117,8 @@ def contact_sheet(setting: Setting, names: list[str]) -> None:
         rows.append(np.concatenate([caption(name, tile.shape[1])[..., :3], tile]))
     rows += [np.full_like(rows[0], 255)] * (len(rows) % 2)
     sheet = np.concatenate([np.concatenate(rows[i : i + 2], axis=1) for i in range(0, len(rows), 2)])
-    write_png(setting.folder / "fig8.png", sheet.astype(np.uint8))
+    setting.pictures.mkdir(parents=True, exist_ok=True)
+    write_png(setting.pictures / "fig8.png", sheet.astype(np.uint8))
 
 
 def run(setting: Setting) -> Figures:
@@ -216,6 +217,17 @@ def tables(figures: Figures) -> list[Table]:
     ]
 
 
+def plots(figures: Figures) -> list[Plot]:
+    """The error of every material, ordered by that of ours, as at the top of the paper's figure."""
+    kinds = {"single lobe": "ngan", "paper's basis": "paper stpeters", "extended basis": "extended stpeters"}
+    order = np.argsort(errors(figures, "extended stpeters"))
+    curves = {
+        words: [(float(i), 100 * float(e)) for i, e in enumerate(errors(figures, label)[order])]
+        for words, label in kinds.items()
+    }
+    return [Plot("fig8-errors", curves, "materials, ordered by ours", "novel-light NRMS in %")]
+
+
 FIG8 = Experiment(
     "fig8",
     "Fig. 8: MERL materials from one picture",
@@ -226,5 +238,7 @@ FIG8 = Experiment(
     how="Each material on a sphere, rendered by dense quadrature, one picture, the whole visible side "
     "down to n.o = 0.03; NRMS from another view under both novel lights. The parametric fit knows the "
     "whole reflectance instead of a picture: one Lambertian and one Cook-Torrance lobe by Ngan et "
-    "al.'s distance. Pictures: fig8.png (reference, ours, single lobe; Grove, then Uffizi).",
+    "al.'s distance.",
+    plots=plots,
+    pictures=(("fig8.png", "Fig. 8: reference, ours, single lobe; under Grove, then Uffizi"),),
 )

@@ -58,7 +58,11 @@ def _section(experiment: Experiment, found: Any, setting: Setting) -> str:
     parts.append(experiment.how + "\n")
     claims = experiment.claims(found["figures"])
     parts.append(_table(Table(("the paper", "here", "verdict"), tuple(_row(claim) for claim in claims))))
+    parts += [f"{c.paper} Here: {c.why}\n" for c in claims if c.why and not c.holds]
     parts += [_table(table) for table in experiment.tables(found["figures"])]
+    shown = [(f"{plot.name}.svg", plot.y_label) for plot in experiment.plots(found["figures"])]
+    shown += [(file, words) for file, words in experiment.pictures if (setting.pictures / file).is_file()]
+    parts += [f"![{words}](pictures/{file})\n" for file, words in shown]
     return "\n".join(parts)
 
 

@@ -17,6 +17,7 @@ from typing import Any
 from ..capture import read_capture
 from ..errors import InputError
 from ..progress import SILENT, Progress
+from ..report.curves import curve_plot
 from ..workflow import digest_of_the_package, fingerprints
 from .data import Data
 from .experiment import Claim, Experiment, Figures, Setting, write_whole
@@ -30,9 +31,10 @@ from .methods import METHODS
 from .page import page
 from .penalties import PENALTIES
 from .sensitivity import FIG10, FIG11
+from .table1 import TABLE1
 
-EXPERIMENTS = (FIG4, PENALTIES, FIG5, FIG6, FIG7, FIG8, FIG9, FIG10, FIG11, METHODS)
-SAME_AS = {"fig3": "fig4"}
+EXPERIMENTS = (FIG4, PENALTIES, FIG5, FIG6, FIG7, FIG8, FIG9, FIG10, FIG11, TABLE1, METHODS)
+SAME_AS = {"fig3": "fig4", "fig13": "table1", "fig14": "table1", "fig15": "table1", "fig16": "table1"}
 """Figures of the paper that one experiment measures together."""
 
 
@@ -102,6 +104,17 @@ def reproduce(
         file = folder / f"{experiment.name}.json"
         if file.exists():
             found[experiment.name] = json.loads(file.read_text(encoding="utf-8"))
+    for experiment in EXPERIMENTS:
+        if experiment.name in found:
+            for plot in experiment.plots(found[experiment.name]["figures"]):
+                svg = curve_plot(
+                    plot.curves,
+                    x_label=plot.x_label,
+                    y_label=plot.y_label,
+                    logarithmic=plot.logarithmic,
+                    alone=True,
+                )
+                write_whole(setting.pictures / f"{plot.name}.svg", svg + "\n")
     write_whole(folder / "reproduction.md", page(EXPERIMENTS, found, setting))
     claims = tuple(
         (experiment.name, claim)

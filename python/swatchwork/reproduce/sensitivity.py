@@ -15,7 +15,7 @@ from ..reflectance import paper
 from ..simulate import Pairs, Sphere, SphereCapture, visible_pairs
 from ..simulate.viewpoints import DISTANCE
 from ..solve import SolveOptions
-from .experiment import Claim, Experiment, Figures, Setting, Table
+from .experiment import Claim, Experiment, Figures, Plot, Setting, Table
 from .spheres import Test, recover, views_of
 from .targets import homogeneous
 
@@ -145,6 +145,14 @@ def _tables(figures: Figures, what: str) -> list[Table]:
     return [Table((what, *(f"sigma {s:g}" for s in sigmas)), rows, "novel-light NRMS in %")]
 
 
+def _plots(figures: Figures, name: str, what: str) -> list[Plot]:
+    curves = {
+        f"sigma {s:g}": [(r["amount"], 100 * r["nrms"]) for r in figures["runs"] if r["sigma"] == s]
+        for s in sorted({r["sigma"] for r in figures["runs"]})
+    }
+    return [Plot(name, curves, what, "novel-light NRMS in %", logarithmic=False)]
+
+
 FIG10 = Experiment(
     "fig10",
     "Fig. 10: normal errors",
@@ -154,6 +162,7 @@ FIG10 = Experiment(
     minutes=0.3,
     how="Spheres of one glossy material each, six views under Grace, normals perturbed at random; NRMS "
     "under Uffizi with the true normals.",
+    plots=lambda figures: _plots(figures, "fig10", "mean angle, degrees"),
 )
 FIG11 = Experiment(
     "fig11",
@@ -163,4 +172,5 @@ FIG11 = Experiment(
     lambda figures: _tables(figures, "noise, % of distance"),
     minutes=0.3,
     how="The same spheres with camera positions perturbed at random, each still looking at the centre.",
+    plots=lambda figures: _plots(figures, "fig11", "noise, % of distance"),
 )

@@ -63,7 +63,7 @@ def simulate_capture(
     patches: float = 2.5,
     noise_percent: float = 0.0,
     read_noise: float = 0.0,
-    lights: tuple[str, str] = ("room", "sky"),
+    lights: tuple[str | Environment, str | Environment] = ("room", "sky"),
     directions: F64 | None = None,
     cells: int = 1,
     progress: Progress = SILENT,
@@ -74,7 +74,7 @@ def simulate_capture(
         folder: where; made if need be.
         object_shape: one of `SHAPES`; ``rows`` sets the mesh's fineness.
         k: photographs, from random directions (fewer are the first of more) or ``directions`` [k, 3].
-        test_views: frames under the second of ``lights``.
+        test_views: frames under the second of ``lights`` (procedural kinds, or environments).
         size: pixels along an image's side.
         seed: of materials, blend, views, lights and noise.
         truth: ``basis``, materials within ``basis`` (the paper's by default), or ``ggx``, beyond it, with
@@ -106,7 +106,10 @@ def simulate_capture(
     sky_resolution = min(max(size, 192), 512)
     sky_samples = 64 if object_shape == "sphere" else 4000 if size < 256 else sky_resolution**2
     subject = Subject.of(mesh, used, representatives, blend, sky_resolution, sky_samples)
-    train, test = (procedural_environment(kind, seed + i) for i, kind in enumerate(lights))
+    train, test = (
+        procedural_environment(light, seed + i) if isinstance(light, str) else light
+        for i, light in enumerate(lights)
+    )
     towards = random_directions(k, seed) if directions is None else directions
     away = random_directions(test_views, seed + TEST_SEED)
     radius = float(np.linalg.norm(mesh.vertices, axis=1).max())
@@ -122,7 +125,7 @@ def simulate_capture(
         def write(root: Path, views: F64, light: Environment, finish: Callable[[F32], F32]) -> None:
             (root / "images").mkdir(parents=True, exist_ok=True)
             write_exr(root / "env.exr", light.radiance)
-            source = EnvironmentSource(root / "env.exr", light.convention)
+            source = EnvironmentSource(root / "env.exr", light.convention, light.world_from_environment)
             cameras = [camera_towards(direction, size, radius) for direction in views]
             # Two at a time: the core fills the cores, but what comes before and after it does not.
             images = threads.map(lambda camera: photograph(subject, camera, light, cells), cameras)
