@@ -18,8 +18,8 @@ def reproduce(
         list[str] | None,
         typer.Argument(
             metavar="[NAMES]...",
-            help="fig3, fig4, penalties, fig5, fig6, fig7, fig8, fig9, fig10, fig11, table1 (also fig13 to "
-            "fig16), methods, or all.",
+            help="fig2, fig3, fig4, penalties, fig5, fig6, fig7, fig8, fig9, fig10, fig11, table1 "
+            "(also fig13 to fig16), methods, or all.",
             show_default="all",
         ),
     ] = None,

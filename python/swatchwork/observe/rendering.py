@@ -102,6 +102,48 @@ class Lights:
                 yield environment, turn, alike
                 left &= ~alike
 
+    def each(
+        self,
+        frame: I32,
+        normal: F32,
+        to_viewer: F32,
+        sky: SkyMasks,
+        texel: I32 | I64,
+        columns: int,
+        responses: Callable[..., F32],
+        groups: list[tuple[Environment, F64, Bool]] | None = None,
+    ) -> F32:
+        """Responses [P, columns, 3] of pairs, each under its frame's light.
+
+        Args:
+            frame: [P] of each pair; ``texel`` [P] says whose row of ``sky`` is its mask.
+            normal: [P, 3], and ``to_viewer``: unit, world.
+            responses: of a pyramid, normals, viewers, masks and rows, as ``generic_responses`` takes them.
+            groups: what ``groups()`` gave, where many calls share it.
+        """
+        row = sky.of_texel[texel]
+        out: F32 | None = None
+        for environment, turn, frames in self.groups() if groups is None else groups:
+            here = np.flatnonzero(frames[frame])
+            if not len(here):
+                continue
+            whole = len(here) == len(frame)
+            n, o = (a if whole else a[here] for a in (normal, to_viewer))
+            rows: I32 = row if whole else row[here]
+            words = sky.words
+            if not _still(turn):
+                # The light stands still and the surface turns instead.
+                n, o = (a @ turn.astype(np.float32) for a in (n, o))
+                used, place = np.unique(rows, return_inverse=True)
+                clear = int(used[0] < 0)
+                words, rows = turned(sky.words[used[clear:]], turn), (place - clear).astype(np.int32)
+            found = responses(environment.pyramid(), n, o, words, rows)
+            if whole:
+                return found
+            out = np.zeros((len(frame), columns, 3), dtype=np.float32) if out is None else out
+            out[here] = found
+        return np.zeros((len(frame), columns, 3), dtype=np.float32) if out is None else out
+
 
 def _still(turn: F64) -> bool:
     return bool(np.abs(turn - np.eye(3)).max() < 1e-9)
@@ -157,27 +199,9 @@ class Rendering:
         return np.asarray(np.sqrt(squared_error / np.maximum(energy, floor)))
 
     def _each(self, pairs: Pairs, columns: int, responses: Callable[..., F32]) -> F32:
-        seen, sky = pairs.seen, self.sky
-        row = sky.of_texel[seen.texel]
-        out: F32 | None = None
-        for environment, turn, frames in self._groups:
-            here = np.flatnonzero(frames[seen.frame])
-            if not len(here):
-                continue
-            whole = len(here) == len(seen)
-            n, o = (a if whole else a[here] for a in (seen.normal, seen.to_viewer))
-            rows: I32 = row if whole else row[here]
-            words = sky.words
-            if not _still(turn):
-                # The light stands still and the surface turns instead.
-                n, o = (a @ turn.astype(np.float32) for a in (n, o))
-                used, place = np.unique(rows, return_inverse=True)
-                clear = int(used[0] < 0)
-                words, rows = turned(sky.words[used[clear:]], turn), (place - clear).astype(np.int32)
-            found = responses(environment.pyramid(), n, o, words, rows)
-            found *= pairs.weight[here, None, None]
-            if whole:
-                return found
-            out = np.zeros((len(seen), columns, 3), dtype=np.float32) if out is None else out
-            out[here] = found
-        return np.zeros((len(seen), columns, 3), dtype=np.float32) if out is None else out
+        seen = pairs.seen
+        found = self.lights.each(
+            seen.frame, seen.normal, seen.to_viewer, self.sky, seen.texel, columns, responses, self._groups
+        )
+        found *= pairs.weight[:, None, None]
+        return found

@@ -109,7 +109,7 @@ def lit_by_directions(
         i[lit],
         pairs.texel[lit],
     )
-    local_i, local_o = _local(n, i, o)
+    local_i, local_o = in_local_frames(n, i, o)
     scale = np.pi * cosine[lit]
     truth = sphere.materials
     values = truth.basis.evaluate(local_i, local_o)
@@ -122,7 +122,7 @@ def lit_by_directions(
     return Measurements(basis, responses, radiance.astype(np.float32), offsets), seen
 
 
-def _local(n: F64, i: F64, o: F64) -> tuple[F64, F64]:
+def in_local_frames(n: F64, i: F64, o: F64) -> tuple[F64, F64]:
     """Directions [P, 3] in frames with the normal as z."""
     axis = np.eye(3)[np.argmin(np.abs(n), axis=1)]
     x = np.cross(n, axis)

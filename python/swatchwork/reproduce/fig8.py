@@ -13,9 +13,9 @@ from ..baselines import Recovered, fit_reflectance, single_lobe_basis
 from ..capture import write_png
 from ..capture.images import read_coded
 from ..light import Environment
-from ..reflectance import basis_by_name
+from ..reflectance import GenericBasis, basis_by_name
 from ..response import generic_responses
-from ..simulate import MeasuredMaterials, Pairs, fibonacci_sphere, nrms, visible_pairs
+from ..simulate import MeasuredMaterials, Pairs
 from ..solve import Problem
 from .data import STAND_INS
 from .experiment import Claim, Experiment, Figures, Plot, Setting, Table
@@ -25,11 +25,13 @@ from .spheres import rendered
 CAPTURES, NOVEL = ("stpeters", "grace"), ("rnl", "uffizi")
 WORDS = {"stpeters": "St. Peter's", "grace": "Grace", "rnl": "Grove", "uffizi": "Uffizi"}
 BASES = ("paper", "extended")
-TEXELS = 1200
+PIXELS = 42
+"""Along a side of the picture that is fitted, and of the test's: 1,250 of them show the sphere."""
+RIM = 0.04
+"""Least n.o, as in the prototype whose figures are to be beaten."""
 AT_ONCE = 10
-VIEW = np.array([[0.0, -1.0, 0.0]])
-TEST_VIEW = np.array([[0.35, -0.93, 0.15]])
-DISC = Disc.of(TEST_VIEW[0], 72)
+VIEW = np.array([0.0, -1.0, 0.0])
+TEST_VIEW = np.array([0.35, -0.93, 0.15])
 
 
 def measure(setting: Setting) -> Figures:
@@ -50,8 +52,7 @@ def measure(setting: Setting) -> Figures:
 def _some(setting: Setting, names: tuple[str, ...]) -> list[Figures]:
     """The figures of some materials, and their pictures."""
     brdfs = setting.data.merl(names)
-    normal = fibonacci_sphere(setting.pick(TEXELS, 150))
-    seen, test = visible_pairs(normal, VIEW), visible_pairs(normal, TEST_VIEW)
+    seen, test = (Disc.of(view, setting.pick(PIXELS, 15), RIM).pairs for view in (VIEW, TEST_VIEW))
     lights = {name: setting.data.probe(name) for name in (*CAPTURES, *NOVEL)}
     materials = MeasuredMaterials(brdfs)
 
@@ -63,13 +64,11 @@ def _some(setting: Setting, names: tuple[str, ...]) -> list[Figures]:
 
     captured = {name: lit(name, seen) for name in CAPTURES}
     truth = {name: lit(name, test) for name in NOVEL}
-    pictures = [lit(name, DISC.pairs) for name in NOVEL]
+    disc = Disc.of(TEST_VIEW, setting.pick(72, 24))
+    pictures = [lit(name, disc.pairs) for name in NOVEL]
     found = []
     for b, brdf in enumerate(brdfs):
-        lobe = Recovered(
-            single_lobe_basis(), fit_reflectance(brdf)[None], np.ones((len(normal), 1)), 1, "converged"
-        )
-        fits = {"ngan": lobe}
+        fits = {"ngan": _everywhere(single_lobe_basis(), fit_reflectance(brdf)[None])}
         for basis in BASES:
             for name in CAPTURES:
                 fits[f"{basis} {name}"] = _fitted(basis, lights[name], seen, captured[name][:, b])
@@ -79,7 +78,9 @@ def _some(setting: Setting, names: tuple[str, ...]) -> list[Figures]:
         }
         found.append({"material": brdf.name, "errors": errors})
         shown = [fits["extended stpeters"], fits["ngan"]]
-        _picture(setting.folder / "fig8" / f"{brdf.name}.png", b, pictures, shown, [lights[x] for x in NOVEL])
+        _picture(
+            disc, setting.folder / "fig8" / f"{brdf.name}.png", b, pictures, shown, [lights[x] for x in NOVEL]
+        )
     return found
 
 
@@ -90,22 +91,32 @@ def _fitted(basis: str, light: Environment, pairs: Pairs, radiance: F64) -> Reco
     offsets = np.arange(len(pairs.texel) + 1)
     problem = Problem(responses, radiance.astype(np.float32), offsets)
     fitted = problem.representatives(np.ones((problem.texels, 1)))
-    texels = len(pairs.offsets) - 1
-    return Recovered(generic, fitted.representatives, np.ones((texels, 1)), 1, "converged")
+    return _everywhere(generic, fitted.representatives)
+
+
+def _everywhere(basis: GenericBasis, representative: F64) -> Recovered:
+    """One reflectance [1, J, 3] for the whole sphere."""
+    return Recovered(basis, representative, np.ones((1, 1)), 1, "converged")
+
+
+def _look(fit: Recovered, light: Environment, pairs: Pairs) -> F64:
+    return rendered(fit, np.ones((len(pairs.texel), 1)), light, pairs)
 
 
 def _error(fit: Recovered, light: Environment, pairs: Pairs, truth: F64) -> float:
-    return nrms(rendered(fit, fit.weights, light, pairs), truth, pairs.normal, pairs.to_viewer)
+    """NRMS of a picture's pixels."""
+    return float(np.sqrt(((_look(fit, light, pairs) - truth) ** 2).sum() / (truth**2).sum()))
 
 
-def _picture(file: Path, b: int, truth: list[F64], fits: list[Recovered], lights: list[Environment]) -> None:
+def _picture(
+    disc: Disc, file: Path, b: int, truth: list[F64], fits: list[Recovered], lights: list[Environment]
+) -> None:
     """Reference, ours and the parametric fit under both novel lights, in a row, at one exposure a light."""
-    one = np.ones((len(DISC.pairs.texel), 1))
     tiles = []
     for reference, light in zip(truth, lights, strict=True):
         exposure = exposure_of(reference[:, b])
-        rows = [reference[:, b], *(rendered(fit, one, light, DISC.pairs) for fit in fits)]
-        tiles += [DISC.image(radiance, exposure) for radiance in rows]
+        rows = [reference[:, b], *(_look(fit, light, disc.pairs) for fit in fits)]
+        tiles += [disc.image(radiance, exposure) for radiance in rows]
     write_flat(file, np.concatenate(tiles, axis=1))
 
 
@@ -160,6 +171,9 @@ def claims(figures: Figures) -> list[Claim]:
                 f"{100 * both.max():.0f} %; single lobe (Ngan et al. 2005) {100 * np.median(ngan):.1f} %; "
                 f"better from either light for {100 * better:.0f} % of them",
                 better > 0.9,
+                "V-groove masking and a diffuse kernel that does not depend on the view cannot make the rims "
+                "of measured materials (docs/basis.md): that is what the extended basis is for. The single "
+                "lobe is fitted to the whole reflectance and has no picture to mislead it.",
             )
         )
         low, high = np.quantile(first / second, (0.1, 0.9))
@@ -169,6 +183,8 @@ def claims(figures: Figures) -> list[Claim]:
                 f"medians {words}; a material's two errors have a ratio of {low:.2f} to {high:.2f} "
                 "(10th to 90th percentile)",
                 bool(ALIKE[0] < low and high < ALIKE[1]),
+                f"the medians are within {100 * abs(np.median(first) / np.median(second) - 1):.0f} % of each "
+                "other.",
             )
         )
         if figures["measured"]:
@@ -182,6 +198,13 @@ def claims(figures: Figures) -> list[Claim]:
                     f"Uffizi {100 * medians[0]:.1f} %, Grove {100 * medians[1]:.1f} %; the prototype's "
                     + ", ".join(f"{100 * x:.1f} %" for x in PROTOTYPE[basis]),
                     all(m < p for m, p in zip(medians, PROTOTYPE[basis], strict=True)),
+                    "the prototype had 34 of the materials, these are all 100, and which light it captured "
+                    "under is not on record; from Grace alone the medians are "
+                    + " and ".join(
+                        f"{100 * np.median(errors(figures, f'{basis} grace', x)):.1f} %"
+                        for x in ("uffizi", "rnl")
+                    )
+                    + ".",
                 )
             )
     return found
@@ -234,9 +257,9 @@ FIG8 = Experiment(
     run,
     claims,
     tables,
-    minutes=15,
-    how="Each material on a sphere, rendered by dense quadrature, one picture, the whole visible side "
-    "down to n.o = 0.03; NRMS from another view under both novel lights. The parametric fit knows the "
+    minutes=8,
+    how="Each material on a sphere, rendered by dense quadrature, one picture of 1,250 pixels down to n.o = "
+    "0.04; NRMS of such a picture from another view under both novel lights. The parametric fit knows the "
     "whole reflectance instead of a picture: one Lambertian and one Cook-Torrance lobe by Ngan et "
     "al.'s distance.",
     plots=plots,

@@ -33,14 +33,14 @@ class Disc:
     """[S, S]"""
 
     @classmethod
-    def of(cls, direction: F64, size: int) -> Disc:
-        """Seen from a direction [3], z up in the picture, S pixels a side."""
+    def of(cls, direction: F64, size: int, rim: float = 0.07) -> Disc:
+        """Seen from a direction [3], z up in the picture, S pixels a side; without n.o below ``rim``."""
         back = direction / np.linalg.norm(direction)
         right = np.cross([0.0, 0.0, 1.0], back)
         right /= np.linalg.norm(right)
         x = (np.arange(size) + 0.5) / size * 2.1 - 1.05
         a, b = np.meshgrid(x, -x)
-        inside = a**2 + b**2 < 0.995
+        inside = a**2 + b**2 < 1 - rim**2
         a, b = a[inside], b[inside]
         front = np.sqrt(1 - a * a - b * b)
         normal = a[:, None] * right + b[:, None] * np.cross(back, right) + front[:, None] * back

@@ -21,6 +21,7 @@ from ..report.curves import curve_plot
 from ..workflow import digest_of_the_package, fingerprints
 from .data import Data
 from .experiment import Claim, Experiment, Figures, Setting, write_whole
+from .fig2 import FIG2
 from .fig4 import FIG4
 from .fig5 import FIG5
 from .fig6 import FIG6
@@ -33,7 +34,7 @@ from .penalties import PENALTIES
 from .sensitivity import FIG10, FIG11
 from .table1 import TABLE1
 
-EXPERIMENTS = (FIG4, PENALTIES, FIG5, FIG6, FIG7, FIG8, FIG9, FIG10, FIG11, TABLE1, METHODS)
+EXPERIMENTS = (FIG2, FIG4, PENALTIES, FIG5, FIG6, FIG7, FIG8, FIG9, FIG10, FIG11, TABLE1, METHODS)
 SAME_AS = {"fig3": "fig4", "fig13": "table1", "fig14": "table1", "fig15": "table1", "fig16": "table1"}
 """Figures of the paper that one experiment measures together."""
 

@@ -127,9 +127,9 @@ class RayScene:
         )
 
 
-def each_of(work: Callable[[slice], Any], count: int) -> list[Any]:
+def each_of(work: Callable[[slice], Any], count: int, at_once: int = CHUNK) -> list[Any]:
     """What ``work`` returns for each chunk of ``count`` rows, in order; threads share the chunks."""
-    chunks = [slice(start, min(start + CHUNK, count)) for start in range(0, count, CHUNK)]
+    chunks = [slice(start, min(start + at_once, count)) for start in range(0, count, at_once)]
     if len(chunks) < 2:
         return [work(part) for part in chunks]
     with ThreadPoolExecutor(os.cpu_count() or 1) as threads:
@@ -153,16 +153,25 @@ def sees(scene: RayScene, atlas: Atlas, camera: Camera) -> Bool:
     def look(part: slice) -> None:
         texel = part.start + np.flatnonzero(towards[atlas.face[part]])
         position, normal = atlas.points(texel)
-        to_camera = camera.position - position
-        facing = dot(normal, to_camera) > GRAZING * norm(to_camera)
-        flat = atlas.geometric_normal(texel)
-        uv_px, depth = camera.project(position[facing])
-        inside = (uv_px >= 0).all(axis=1) & (uv_px < (camera.width, camera.height)).all(axis=1) & (depth > 0)
-        facing[facing] = inside
-        origin = position[facing] + scene.epsilon * flat[facing]
-        # A direction as long as the segment: the camera is at t = 1.
-        hidden = scene.cast(origin, camera.position - origin, np.ones(len(origin)), "OCCLUDED") >= 0
-        seen[texel[facing]] = ~hidden
+        seen[texel] = in_sight(scene, camera, position, normal, atlas.geometric_normal(texel))
 
     each_of(look, len(atlas))
+    return seen
+
+
+def in_sight(scene: RayScene, camera: Camera, position: F64, normal: F32, upright: F64) -> Bool:
+    """Bool[T]: which points [T, 3] of triangles that face the camera it sees.
+
+    ``normal`` is of shading, ``upright`` the triangle's; the rules are those of `sees`.
+    """
+    seen: Bool = np.zeros(len(position), dtype=bool)
+    to_camera = camera.position - position
+    facing = np.flatnonzero(dot(normal, to_camera) > GRAZING * norm(to_camera))
+    uv_px, depth = camera.project(position[facing])
+    inside = (uv_px >= 0).all(axis=1) & (uv_px < (camera.width, camera.height)).all(axis=1) & (depth > 0)
+    facing = facing[inside]
+    origin = position[facing] + scene.epsilon * upright[facing]
+    # A direction as long as the segment: the camera is at t = 1.
+    hidden = scene.cast(origin, camera.position - origin, np.ones(len(origin)), "OCCLUDED") >= 0
+    seen[facing] = ~hidden
     return seen

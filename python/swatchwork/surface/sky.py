@@ -146,12 +146,14 @@ def _traced(scene: RayScene, atlas: Atlas, chosen: I64, progress: Progress) -> U
             def trace(part: slice, level: I64 = level, near: I64 = near) -> int:
                 at, beside = level[part], near[part]
                 position, normal = atlas.points(chosen[at])
-                looked[at] = asked = _packed(normal @ cells.T > -BELOW)
+                looked[at] = asked = packed(normal @ cells.T > -BELOW)
                 # Without neighbours, nothing is settled.
                 free = np.bitwise_and.reduce(words[beside] & looked[beside], axis=1)
                 shut = np.bitwise_and.reduce(~words[beside] & looked[beside], axis=1)
                 settled = free | shut if beside.shape[1] else np.zeros_like(asked)
-                hidden = _hidden(scene, position, atlas.geometric_normal(chosen[at]), cells, asked & ~settled)
+                hidden = hidden_cells(
+                    scene, position, atlas.geometric_normal(chosen[at]), cells, asked & ~settled
+                )
                 words[at] = ~(hidden | (asked & settled & shut))
                 return len(at)
 
@@ -163,10 +165,10 @@ def _traced(scene: RayScene, atlas: Atlas, chosen: I64, progress: Progress) -> U
     return words
 
 
-def _hidden(scene: RayScene, position: F64, upright: F64, cells: F32, asked: U64) -> U64:
+def hidden_cells(scene: RayScene, position: F64, upright: F64, cells: F32, asked: U64) -> U64:
     """U64[T, 64]: which of the cells that are asked for are hidden from points on triangles."""
     flat = upright.astype(np.float32)
-    owner, cell = np.nonzero(_unpacked(asked))
+    owner, cell = np.nonzero(unpacked(asked))
     direction = cells[cell]
     # Bend what points below the triangle's plane up to it, keeping the azimuth.
     sine = (flat @ cells.T)[owner, cell]
@@ -175,16 +177,16 @@ def _hidden(scene: RayScene, position: F64, upright: F64, cells: F32, asked: U64
     origin = position + scene.epsilon * upright
     hidden: Bool = np.zeros((len(position), len(cells)), dtype=bool)
     hidden[owner, cell] = scene.occluded_in_unit_ball(scene.in_unit_ball(origin)[owner], direction)
-    return _packed(hidden)
+    return packed(hidden)
 
 
-def _unpacked(words: U64) -> Bool:
+def unpacked(words: U64) -> Bool:
     """U64[T, 64] to Bool[T, 4096]."""
     octets = np.ascontiguousarray(words).astype("<u8").view(np.uint8).reshape(len(words), SIZE * SIZE // 8)
     return np.unpackbits(octets, axis=1, bitorder="little").astype(bool)
 
 
-def _packed(bits: Bool) -> U64:
+def packed(bits: Bool) -> U64:
     """Bool[T, 4096] to U64[T, 64]; bit i of word j is cell (row j, column i)."""
     octets = np.packbits(bits.reshape(len(bits), SIZE, 8, 8), axis=-1, bitorder="little")
     return octets.reshape(len(bits), SIZE, 8).view("<u8")[..., 0].astype(np.uint64)
@@ -198,5 +200,5 @@ def turned(words: U64, rotation: F64) -> U64:
     # A bit takes a byte on the way.
     for first in range(0, len(words), 1024):
         part = slice(first, first + 1024)
-        found[part] = _packed(_unpacked(words[part])[:, row * SIZE + column])
+        found[part] = packed(unpacked(words[part])[:, row * SIZE + column])
     return found

@@ -1,0 +1,31 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""Analysis: how many views, where to stand, and where a result is to be trusted (paper, section 5)."""
+
+from .conditioning import (
+    BLENDED,
+    NOISE,
+    Conditioning,
+    Views,
+    blend_spectra,
+    condition_numbers,
+    conditioning,
+    singular_values,
+)
+from .planning import Plan, Prior, next_best_views, prior_of, uniform_views
+
+__all__ = [
+    "BLENDED",
+    "NOISE",
+    "Conditioning",
+    "Plan",
+    "Prior",
+    "Views",
+    "blend_spectra",
+    "condition_numbers",
+    "conditioning",
+    "next_best_views",
+    "prior_of",
+    "singular_values",
+    "uniform_views",
+]
