@@ -25,11 +25,13 @@ from functools import cached_property
 import numpy as np
 
 from ..arrays import F32, F64, I32, I64, Bool, unit
+from ..capture import Camera
+from ..light import Environment
 from ..observe import Lights
 from ..progress import SILENT, Progress
 from ..reflectance import GenericBasis
 from ..response import generic_responses
-from ..surface import SkyMasks, SurfacePoints
+from ..surface import RayScene, SkyMasks, SurfacePoints, points_in_sight, sky_of_points
 
 NOISE = 0.01
 """Relative noise of a good linear photograph, and so the default tolerance."""
@@ -85,6 +87,24 @@ class Views:
     """[k, 3] camera positions, world."""
     lights: Lights
     """Of the k views."""
+
+    @classmethod
+    def of(
+        cls,
+        scene: RayScene,
+        points: SurfacePoints,
+        cameras: Sequence[Camera],
+        lights: Lights | Environment,
+        sky: SkyMasks | None = None,
+    ) -> Views:
+        """Trace what cameras see of a scene's points; an environment lights all of them alike."""
+        seen = np.stack([points_in_sight(scene, points, camera) for camera in cameras], axis=1)
+        if isinstance(lights, Environment):
+            k = len(cameras)
+            still = np.broadcast_to(np.eye(3), (k, 3, 3)).copy()
+            lights = Lights((lights,), np.zeros(k, np.int32), still)
+        viewer = np.stack([camera.position for camera in cameras])
+        return cls(points, sky_of_points(scene, points) if sky is None else sky, seen, viewer, lights)
 
     def pairs(self, part: slice) -> tuple[I64, I64]:
         """Point [P] and view [P] of what is seen of some points, in order."""
