@@ -12,6 +12,7 @@ from .conditioning import (
     conditioning,
     singular_values,
 )
+from .confidence import fit_error_model
 from .planning import Plan, Prior, next_best_views, prior_of, uniform_views
 
 __all__ = [
@@ -24,6 +25,7 @@ __all__ = [
     "blend_spectra",
     "condition_numbers",
     "conditioning",
+    "fit_error_model",
     "next_best_views",
     "prior_of",
     "singular_values",

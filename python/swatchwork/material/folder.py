@@ -25,6 +25,7 @@ from ..keeping import Array
 from .maps import maps_in_bands
 from .material import BasisRecord, Material
 from .obj import read_obj, write_obj
+from .trust import ErrorModel
 
 FORMAT = "swatchwork-material"
 SCHEMA_VERSION = 1
@@ -77,6 +78,8 @@ def read_material(folder: str | PathLike[str]) -> Material:
         representatives = np.array(head["representatives"], dtype=np.float64)
         n = int(head["n"])
         penalties, solver, inputs = dict(head["penalties"]), dict(head["solver"]), dict(head["inputs"])
+        # Materials of before it was there have none.
+        trust = ErrorModel.from_dict(head["trust"], len(representatives)) if head.get("trust") else None
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise InputError(
             f"a part is missing or malformed ({error!r})",
@@ -106,6 +109,7 @@ def read_material(folder: str | PathLike[str]) -> Material:
         uv=uv,
         penalties=penalties,
         solver=solver,
+        trust=trust,
         inputs=inputs,
     )
     material.check(folder)
@@ -242,6 +246,7 @@ def _as_json(m: Material) -> str:
         "representatives": m.representatives.tolist(),
         "penalties": m.penalties,
         "solver": m.solver,
+        "trust": m.trust.as_dict() if m.trust else None,
         "inputs": m.inputs,
     }
     return json.dumps(_plain(head), sort_keys=True, allow_nan=False) + "\n"

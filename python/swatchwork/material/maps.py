@@ -13,8 +13,9 @@ They are summaries; the material itself is the blend of representatives.
   sharpest lobe however faint; matching second moments, the widest.
 - ``tau``: with weights c0, c1 of the kernels of Fresnel exponent above 0 and 0 summed (tau = 0 and 1 in
   Eq. 11), it is c1 / (c0 + c1): reflectance at normal incidence over that at grazing.
-- ``confidence``: views / (views + 2) / (1 + (residual / 0.1)^2): 0 where no view saw the texel, 0.5 at
-  two views that fit perfectly. A hint for eyes, no probability.
+- ``expected_error``: relative error to expect in a view or light that was not measured (trust.py).
+- ``confidence``: 1 / (1 + (expected error / 0.1)^2); 0 where no view saw the texel. A material without an
+  error model, from a single photograph, has the residual in the expected error's place: a lower bound.
 
 Energies e_j are luminances times the cosine-weighted mean of (1 - cos)^p, 2 / ((p + 1) (p + 2)). Roughness
 and tau are 0 where nothing is specular, the residual where nothing was measured; off the atlas all maps are
@@ -31,6 +32,7 @@ import numpy as np
 from ..arrays import F32, F64, I32, Bool
 from ..errors import InputError
 from .material import BasisRecord, Material
+from .trust import confidence_of, dense, features, neighbourhood
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 CHUNK = 1 << 13
@@ -47,6 +49,7 @@ class MaterialMaps:
     tau: F32  # [H, W]
     residual: F32  # [H, W]
     coverage: I32  # [H, W]
+    expected_error: F32  # [H, W]
     confidence: F32  # [H, W]
 
 
@@ -79,7 +82,7 @@ def maps_in_bands(material: Material) -> Iterator[MaterialMaps]:
         index, weight = m.index[rows][atlas].astype(np.int64), m.weight[rows][atlas].astype(np.float64)
         normal = blended(at_normal, index, weight)
         total = normal + blended(at_grazing, index, weight)
-        views = np.maximum(m.coverage[rows], 0)
+        error = _expected_error(m, start, min(start + band, height))
 
         def on_atlas(values: F64, atlas: Bool = atlas) -> F32:
             image = np.zeros((*atlas.shape, *values.shape[1:]), dtype=np.float32)
@@ -93,8 +96,50 @@ def maps_in_bands(material: Material) -> Iterator[MaterialMaps]:
             tau=on_atlas(np.where(total > 0, normal / np.where(total > 0, total, 1), 0)),
             residual=residual.astype(np.float32),
             coverage=m.coverage[rows],
-            confidence=(views / (views + 2.0) / (1 + (residual / 0.1) ** 2)).astype(np.float32),
+            expected_error=error.astype(np.float32),
+            confidence=np.where(m.coverage[rows] > 0, confidence_of(error), 0).astype(np.float32),
         )
+
+
+def expected_error(m: Material, stride: int = 1) -> F32:
+    """The expected relative error of every ``stride``-th texel along both sides."""
+    height, width = m.coverage.shape
+    band = max(1, CHUNK // width)
+    parts = []
+    for start in range(0, height, band):
+        rows = _expected_error(m, start, min(start + band, height))
+        parts.append(rows[-start % stride :: stride, ::stride].astype(np.float32))
+    return np.concatenate(parts)
+
+
+def _expected_error(m: Material, start: int, stop: int) -> F64:
+    """Expected relative error [stop - start, W] of some rows; 0 where no view sees a texel."""
+    # A row more on either side, for neighbours.
+    low, high = max(0, start - 1), min(m.coverage.shape[0], stop + 1)
+    rows, own = slice(low, high), slice(start - low, stop - low)
+    coverage = m.coverage[rows]
+    seen = coverage > 0
+    residual = np.where(seen, m.residual[rows], 0).astype(np.float32)
+    residual = np.where(np.isfinite(residual), residual, 0)
+    if m.trust is None:
+        return np.asarray(residual[own], np.float64)
+    weights = dense(m.index[rows], m.weight[rows], m.N)
+    appearance = weights @ m.trust.appearance.astype(np.float32)
+    around, change = neighbourhood(appearance, residual, coverage)
+    at = np.nonzero(seen[own])
+    strength = (appearance[own][at].astype(np.float64) ** 2).sum(axis=-1)
+    f = features(
+        residual[own][at],
+        around[own][at],
+        change[own][at],
+        strength,
+        coverage[own][at],
+        weights[own][at].astype(np.float64),
+        m.n,
+    )
+    found = np.zeros(coverage[own].shape)
+    found[at] = m.trust.expected(f)
+    return found
 
 
 def blended(per_representative: F64, index: np.ndarray, weight: F64) -> F64:

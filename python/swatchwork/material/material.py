@@ -13,6 +13,7 @@ import numpy as np
 
 from ..arrays import F32, F64, I32, U8, U32, Bool
 from ..errors import InputError
+from .trust import ErrorModel
 
 WEIGHT_SUM_TOLERANCE = 1e-4
 """Weights are f32 and sum to 1 up to rounding (n times 6e-8); what is off by more was not a blend."""
@@ -69,6 +70,8 @@ class Material:
     penalties: Mapping[str, float] = field(default_factory=dict)
     solver: Mapping[str, Any] = field(default_factory=dict)
     """Status, history and options of the solver, as JSON holds them."""
+    trust: ErrorModel | None = None
+    """What error to expect of a texel; None where no texel had two views to learn it from."""
     inputs: Mapping[str, Any] = field(default_factory=dict)
     """Fingerprints of what the material was made from."""
 

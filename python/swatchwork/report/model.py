@@ -81,6 +81,8 @@ class Report:
     status: str = ""
     coverage: Picture | None = None
     coverage_note: str = ""
+    trust: Picture | None = None
+    """The error to expect, as a map."""
     inputs: tuple[tuple[str, str], ...] = ()
     settings: tuple[tuple[str, str], ...] = ()
     costs: tuple[StageCost, ...] = ()

@@ -146,11 +146,14 @@ def _materials(r: Report) -> Html | None:
 
 
 def _blend(r: Report) -> Html | None:
-    pictures = [_figure(p) for p in (r.blend_map, r.coverage) if p is not None]
+    pictures = [_figure(p) for p in (r.blend_map, r.coverage, r.trust) if p is not None]
     if not pictures:
         return None
-    intro = "The surface laid flat. Left, which material is where, in the colours of the dots above"
-    intro += "; right, how many photographs saw each point." if r.coverage is not None else "."
+    intro = "The surface laid flat. First, which material is where, in the colours of the dots above"
+    intro += "; then, how many photographs saw each point." if r.coverage is not None else "."
+    if r.trust is not None:
+        intro += " Last, the error to expect of each point in a view or light that was not photographed: "
+        intro += "learnt from points blended anew without one of their photographs."
     if r.blend_map is None:
         intro = "The surface laid flat: how many photographs saw each point."
     return _section("Where they are", f"{intro} {r.coverage_note}".strip(), el("div", pictures, cls="split"))

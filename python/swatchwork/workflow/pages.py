@@ -25,6 +25,7 @@ from .pictures import (
     map_pictures,
     spheres,
     thinned,
+    trust_picture,
 )
 
 SHOWN_VIEWS = 3
@@ -76,6 +77,7 @@ def reconstruction_report(
             if unseen
             else "Every point is in at least one photograph."
         ),
+        trust=trust_picture(material) if material.trust else None,
         maps=map_pictures(small),
         trials=tuple(page.Trial(t.n, t.N, t.objective) for t in found.solution.history),
         chosen=(material.n, material.N),

@@ -13,7 +13,7 @@ from .. import report as page
 from ..arrays import F32, F64, U8, Bool, unit
 from ..capture import Camera, Photograph
 from ..light import Environment
-from ..material import Material, material_maps
+from ..material import Material, expected_error, material_maps
 from ..reflectance import GenericBasis
 from ..response import representative_responses
 from ..surface import Mesh
@@ -21,6 +21,8 @@ from ..surface import Mesh
 PICTURE_PX = 300
 SPHERE_PX = 168
 MAP_PX = 512
+WORST = 0.3
+"""Expected relative error that the top colour of its map stands for."""
 ERROR_SCALE = 0.3
 """Error, as a fraction of the reference's RMS, that the top colour of a heat map stands for."""
 
@@ -113,6 +115,8 @@ def spheres(
         pixels = np.zeros((*inside.shape, 4), dtype=np.float32)
         pixels[inside, :3], pixels[..., 3] = shaded[:, i] * alpha[inside, None], alpha
         caption = f"{i + 1}: {100 * share[i]:.0f} % of the surface"
+        if material.trust is not None:
+            caption += f", known to {100 * material.trust.representatives[i]:.1f} %"
         pictures.append(page.Picture(caption, page.display(pixels[..., :3], pixels[..., 3], exposure)))
     return tuple(pictures)
 
@@ -120,8 +124,10 @@ def spheres(
 def thinned(material: Material) -> Material:
     """Every s-th texel along both sides, s as large as leaves no fewer than the page shows."""
     s = max(1, min(material.coverage.shape) // MAP_PX)
+    # Its error model is of whole atlases, whose neighbours are neighbours.
     return replace(
         material,
+        trust=None,
         index=material.index[::s, ::s],
         weight=material.weight[::s, ::s],
         coverage=material.coverage[::s, ::s],
@@ -143,6 +149,16 @@ def coverage_picture(material: Material) -> page.Picture:
     return page.Picture(
         f"photographs of each point, 0 (dark) to {most}", page.shrink(pixels, MAP_PX), crisp=True
     )
+
+
+def trust_picture(material: Material) -> page.Picture:
+    """The error to expect, of a whole material."""
+    s = max(1, min(material.coverage.shape) // MAP_PX)
+    coverage = material.coverage[::s, ::s]
+    error = np.where(coverage > 0, expected_error(material, s), WORST)
+    pixels = page.heat(error, coverage >= 0, WORST)
+    caption = f"error to expect in other light, 0 (dark) to {100 * WORST:.0f} % or never seen (bright)"
+    return page.Picture(caption, page.shrink(pixels, MAP_PX), crisp=True)
 
 
 def map_pictures(material: Material) -> tuple[page.Picture, ...]:

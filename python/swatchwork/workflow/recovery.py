@@ -18,9 +18,10 @@ from typing import Any
 
 import numpy as np
 
+from ..analysis import fit_error_model
 from ..capture import Capture, read_capture
 from ..errors import CaptureWarning
-from ..material import BasisRecord, Material, normal_albedo, whole_folder, write_material
+from ..material import BasisRecord, ErrorModel, Material, normal_albedo, whole_folder, write_material
 from ..progress import SILENT, Progress
 from ..reconstruct import Reconstruction, ReconstructOptions, reconstruct
 from ..report import Report, write_report
@@ -132,8 +133,12 @@ def recover(
         with checkpoints(output, key_of(prints, options)) as keeper:
             found = reconstruct(capture, options, costs, keeper)
             resumed = bool(keeper.resumed)
+            with costs.stage("trust"):
+                trust = fit_error_model(
+                    found.rendering, found.basis, found.solution, found.blend, options.solve.seed
+                )
             with costs.stage("write"):
-                material = material_of(found, prints)
+                material = material_of(found, prints, trust)
                 warn_of_bright_materials(material, capture)
                 summary = summarise(found, capture, output, start, costs.costs, resumed)
                 report = reconstruction_report(found, capture, material, costs.costs, said, summary.as_dict())
@@ -177,7 +182,7 @@ def collected_warnings() -> Iterator[list[str]]:
         yield said
 
 
-def material_of(found: Reconstruction, prints: dict[str, str]) -> Material:
+def material_of(found: Reconstruction, prints: dict[str, str], trust: ErrorModel | None = None) -> Material:
     """The reconstruction as images over the atlas; gutters repeat their nearest texel, for filters."""
     atlas, basis, solution = found.observations.atlas, found.basis, found.solution
     assert found.mesh.uv is not None, "the atlas was made from them"
@@ -203,6 +208,7 @@ def material_of(found: Reconstruction, prints: dict[str, str]) -> Material:
         uv=found.mesh.uv,
         penalties={"lambda0": solution.lambda0, "lambda1": solution.lambda1},
         solver=solution.summary() | {"weighting": found.rendering.weighting},
+        trust=trust,
         inputs=prints,
     )
 
