@@ -13,12 +13,15 @@ from .conditioning import (
     singular_values,
 )
 from .confidence import fit_error_model
-from .planning import Plan, Prior, next_best_views, prior_of, uniform_views
+from .directions import Directions, in_local_frames
+from .planning import Criterion, Plan, Prior, next_best_views, prior_of, uniform_views
 
 __all__ = [
     "BLENDED",
     "NOISE",
     "Conditioning",
+    "Criterion",
+    "Directions",
     "Plan",
     "Prior",
     "Views",
@@ -26,6 +29,7 @@ __all__ = [
     "condition_numbers",
     "conditioning",
     "fit_error_model",
+    "in_local_frames",
     "next_best_views",
     "prior_of",
     "singular_values",

@@ -32,6 +32,7 @@ from ..progress import SILENT, Progress
 from ..reflectance import GenericBasis
 from ..response import generic_responses
 from ..surface import RayScene, SkyMasks, SurfacePoints, points_in_sight, sky_of_points
+from .directions import Directions
 
 NOISE = 0.01
 """Relative noise of a good linear photograph, and so the default tolerance."""
@@ -85,7 +86,7 @@ class Views:
     """[M, k]"""
     viewer: F64
     """[k, 3] camera positions, world."""
-    lights: Lights
+    lights: Lights | Directions
     """Of the k views."""
 
     @classmethod
@@ -94,7 +95,7 @@ class Views:
         scene: RayScene,
         points: SurfacePoints,
         cameras: Sequence[Camera],
-        lights: Lights | Environment,
+        lights: Lights | Directions | Environment,
         sky: SkyMasks | None = None,
     ) -> Views:
         """Trace what cameras see of a scene's points; an environment lights all of them alike."""
@@ -121,10 +122,13 @@ class Views:
 
     def responses(self, basis: GenericBasis, point: I64, view: I64) -> F32:
         """Responses [P, J] of the generic kernels to the light's mean over the channels (Eq. 13)."""
+        normal, to_viewer = self.points.normal[point], self.to_viewer(point, view)
+        if isinstance(self.lights, Directions):
+            return self.lights.responses(basis, normal, to_viewer, view, self.sky, point)
         found = self.lights.each(
             view.astype(np.int32),
-            self.points.normal[point],
-            self.to_viewer(point, view).astype(np.float32),
+            normal,
+            to_viewer.astype(np.float32),
             self.sky,
             point,
             basis.kernels,

@@ -35,6 +35,9 @@ SIGMA = 1.0
 and the representatives must come out of these measurements too. Of 0.1, 0.3 and 1 it had the least error in
 six trials, and covariances in place of correlations up to ten times as much."""
 
+ENOUGH = 0.1
+"""Weight of points whose condition number is low enough, where there is one to reach."""
+
 
 @dataclass(frozen=True, eq=False)
 class Prior:
@@ -82,6 +85,10 @@ class Plan:
     """[len(chosen) + 1] condition number that ``quantile`` of the points that can be seen stay below."""
     coverage: F64
     """[len(chosen) + 1] share of the points that can be seen, that some view sees."""
+    unknown_before: F64
+    """[M] share of each point's variance left before the first of them, 1 where no view can see it."""
+    unknown_after: F64
+    """[M] and after the last."""
 
 
 def next_best_views(
@@ -95,6 +102,7 @@ def next_best_views(
     blended: int = 4,
     quantile: float = 0.95,
     enough: float | None = None,
+    trace: bool = False,
     progress: Progress = SILENT,
 ) -> Plan:
     """Choose views one by one, at most ``most`` beyond those at hand.
@@ -106,6 +114,7 @@ def next_best_views(
         blended: n, whose (n - 1)th singular value gives the condition number.
         quantile: of the points' condition numbers, for ``enough``.
         enough: condition number to stop at.
+        trace: give ``left`` and the like for each of ``have`` too, beginning before the first.
     """
     covariance = prior.covariance.copy()
     free = np.zeros(prior.seen.shape[1], bool)
@@ -130,41 +139,52 @@ def next_best_views(
         taken.append(v)
         free[v] = False
 
+    def unknown() -> F64:
+        mine = np.einsum("mvv,mv->m", covariance, prior.cosine)
+        total = prior.cosine.sum(axis=1)
+        return np.where(total > 0, mine / np.maximum(total, 1e-9), 1.0).astype(np.float64)
+
     def note() -> None:
         left.append(remaining() / whole)
-        condition.append(_condition(prior, taken, can_be_seen, blended, quantile))
+        of_seen = _conditions(prior, taken, blended)[can_be_seen]
+        known = float(np.quantile(of_seen, quantile, method="higher")) if len(of_seen) else np.inf
+        condition.append(known)
         seen = prior.seen[can_be_seen][:, taken]
         coverage.append(float(seen.any(axis=1).mean()) if len(seen) else 0.0)
 
     for v in have:
+        if trace:
+            note()
         take(v)
     note()
+    unknown_before = unknown()
     with progress.stage("Next best views", most) as task:
         for _ in range(most):
             if not free.any() or (enough is not None and condition[-1] <= enough):
                 break
             variance = np.maximum(np.einsum("mvv->mv", covariance), 0)
             if criterion == "D":
-                gain = np.log1p(variance / noise).sum(axis=0)
+                each = np.log1p(variance / noise)
             else:
-                share = 1 / (variance + noise)
-                gain = np.einsum(
-                    "muv,muv,mu,mv->v", covariance, covariance, prior.cosine, share, optimize=True
-                )
+                lowered = np.einsum("muv,muv,mu->mv", covariance, covariance, prior.cosine, optimize=True)
+                each = lowered / (variance + noise)
+            if enough is not None:
+                each[_conditions(prior, taken, blended) <= enough] *= ENOUGH
+            gain = each.sum(axis=0)
             take(int(np.argmax(np.where(free, gain, -np.inf))))
             note()
             task.advance()
-    return Plan(tuple(taken[len(have) :]), np.array(left), np.array(condition), np.array(coverage))
+    new = tuple(taken[len(have) :])
+    return Plan(new, np.array(left), np.array(condition), np.array(coverage), unknown_before, unknown())
 
 
-def _condition(prior: Prior, taken: list[int], of: Bool, blended: int, quantile: float) -> float:
-    """A quantile of the points' condition numbers with the views taken."""
-    if not taken or not of.any():
-        return float("inf")
-    spread = prior.spread[of][:, taken].astype(np.float64)
-    grams = prior.covariance[of][:, taken][:, :, taken] * spread[:, :, None] * spread[:, None, :]
-    spectra = blend_spectra(grams, [len(taken)], prior.kernels)
-    return float(np.quantile(condition_numbers(spectra[0], blended), quantile, method="higher"))
+def _conditions(prior: Prior, taken: list[int], blended: int) -> F64:
+    """Condition numbers [M] with the views taken."""
+    if not taken:
+        return np.full(len(prior.seen), np.inf)
+    spread = prior.spread[:, taken].astype(np.float64)
+    grams = prior.covariance[:, taken][:, :, taken] * spread[:, :, None] * spread[:, None, :]
+    return condition_numbers(blend_spectra(grams, [len(taken)], prior.kernels)[0], blended)
 
 
 def uniform_views(directions: F64, count: int, first: int = 0) -> I64:

@@ -15,10 +15,12 @@ import typer
 import typer.main
 
 from ..errors import SwatchworkError
+from .analyze import analyze
 from .console import stderr
 from .demo import demo
 from .evaluate import evaluate
 from .info import info
+from .plan import plan
 from .reconstruct import reconstruct
 from .relight import relight
 from .reproduce import reproduce
@@ -68,7 +70,7 @@ def _common(
     pass
 
 
-for command in (reconstruct, relight, evaluate, demo, reproduce, info):
+for command in (reconstruct, relight, evaluate, plan, analyze, demo, reproduce, info):
     text, _, examples = (command.__doc__ or "").partition("Examples:")
     app.command(help=text, epilog=f"[bold]Examples:[/bold]\n\n{dedent(examples).strip()}")(command)
 

@@ -9,19 +9,24 @@ from os import PathLike
 from pathlib import Path
 
 from ..errors import OutputError
+from .curves import curve_plot
 from .model import Comparison, Figure, Picture, Report, StageCost, Trial
 from .page import render_page
 from .pictures import blend_colours, crop_box, display, exposure_for, heat, relative_error, shrink
+from .sheet import Section, Sheet, render_sheet
 
 __all__ = [
     "Comparison",
     "Figure",
     "Picture",
     "Report",
+    "Section",
+    "Sheet",
     "StageCost",
     "Trial",
     "blend_colours",
     "crop_box",
+    "curve_plot",
     "display",
     "exposure_for",
     "heat",
@@ -29,16 +34,26 @@ __all__ = [
     "render_page",
     "shrink",
     "write_report",
+    "write_sheet",
 ]
 
 
 def write_report(file: str | PathLike[str], report: Report) -> Path:
     """Write the page to ``file``, whole or not at all. Raises OutputError where it cannot be written."""
+    return _write(file, render_page(report))
+
+
+def write_sheet(file: str | PathLike[str], sheet: Sheet) -> Path:
+    """Write a page of sections, as ``write_report`` writes a report."""
+    return _write(file, render_sheet(sheet))
+
+
+def _write(file: str | PathLike[str], text: str) -> Path:
     path = Path(file)
     partial = path.with_name(path.name + ".partial")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        partial.write_text(render_page(report), encoding="utf-8")
+        partial.write_text(text, encoding="utf-8")
         partial.replace(path)
     except OSError as error:
         with suppress(OSError):

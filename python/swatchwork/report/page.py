@@ -4,10 +4,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from importlib.resources import files
 
-from .html import Html, el, join
-from .model import Comparison, Picture, Report
+from .html import Child, Html, el, join
+from .model import Comparison, Figure, Picture, Report
 from .pictures import PALETTE, data_uri, heat_gradient
 from .plots import search_plot
 
@@ -22,16 +23,22 @@ PAPER = (
 
 def render_page(report: Report) -> str:
     """The whole page. Every string of ``report`` is text: it is escaped, never markup."""
+    return document(report.title, report.version, _header(report), _sections(report))
+
+
+def document(title: str, version: str, header: Html, main: Child) -> str:
+    """A page that needs no network and runs no script, around a header and sections."""
     head = el(
         "head",
         el("meta", charset="utf-8"),
         el("meta", http_equiv="Content-Security-Policy", content=POLICY),
         el("meta", name="viewport", content="width=device-width, initial-scale=1"),
-        el("meta", name="generator", content=f"swatchwork {report.version}".strip()),
-        el("title", report.title),
+        el("meta", name="generator", content=f"swatchwork {version}".strip()),
+        el("title", title),
         el("style", Html(files(__package__).joinpath("style.css").read_text(encoding="utf-8"))),
     )
-    body = el("body", _header(report), el("main", _sections(report)), _footer(report))
+    footer = f"Made by Swatchwork {version}".strip() + ". This page needs no network and runs no script."
+    body = el("body", header, el("main", main), el("footer", footer))
     return "<!doctype html>\n" + el("html", head, body, lang="en") + "\n"
 
 
@@ -42,18 +49,19 @@ def _header(r: Report) -> Html:
         el("div", swatches, el("span", "Swatchwork report"), cls="brand"),
         el("h1", r.title),
         el("p", r.summary, cls="lead") if r.summary else None,
-        el("div", [_figure(p) for p in r.hero], cls="hero") if r.hero else None,
-        _figures(r),
+        el("div", [figure(p) for p in r.hero], cls="hero") if r.hero else None,
+        headline_figures(r.figures),
         _warnings(r),
     )
 
 
-def _figures(r: Report) -> Html | None:
-    if not r.figures:
+def headline_figures(figures: Sequence[Figure]) -> Html | None:
+    """Numbers in boxes, each with what it is."""
+    if not figures:
         return None
     items = [
         el("li", el("b", f.value), f.label, el("span", f.note, cls="note") if f.note else None)
-        for f in r.figures
+        for f in figures
     ]
     return el("ul", items, cls="figures")
 
@@ -82,11 +90,13 @@ def _sections(r: Report) -> Html:
     )
 
 
-def _section(title: str, intro: str, *content: Html | list[Html] | None) -> Html:
+def section(title: str, intro: str, *content: Html | list[Html] | None) -> Html:
+    """A heading, a few words, and what belongs to it."""
     return el("section", el("h2", title), el("p", intro, cls="soft") if intro else None, *content)
 
 
-def _figure(picture: Picture, caption: Html | str | None = None) -> Html:
+def figure(picture: Picture, caption: Html | str | None = None) -> Html:
+    """A picture with its caption, inside the page."""
     height, width = picture.pixels.shape[:2]
     image = el(
         "img",
@@ -101,7 +111,7 @@ def _figure(picture: Picture, caption: Html | str | None = None) -> Html:
 
 def _comparison(c: Comparison) -> Html:
     error = f", NRMS {100 * c.nrms:.1f} %" if c.nrms is not None else ""
-    pictures = [_figure(p) for p in (c.reference, c.rendered, c.error) if p is not None]
+    pictures = [figure(p) for p in (c.reference, c.rendered, c.error) if p is not None]
     return el("div", el("p", el("strong", c.name), error), pictures, cls="row")
 
 
@@ -120,14 +130,14 @@ def _novel(r: Report) -> Html | None:
         "used either, beside the reference. This is the test that counts."
     )
     light = f" The light: {r.novel_light}." if r.novel_light else ""
-    return _section("Under new light", intro + light, [_comparison(c) for c in r.novel], _heat_key(r))
+    return section("Under new light", intro + light, [_comparison(c) for c in r.novel], _heat_key(r))
 
 
 def _views(r: Report) -> Html | None:
     if not r.views:
         return None
     intro = "Each photograph, the material rendered from its camera under its light, and the difference."
-    return _section("The photographs, explained", intro, [_comparison(c) for c in r.views], _heat_key(r))
+    return section("The photographs, explained", intro, [_comparison(c) for c in r.views], _heat_key(r))
 
 
 def _materials(r: Report) -> Html | None:
@@ -141,12 +151,12 @@ def _materials(r: Report) -> Html | None:
     spheres = []
     for i, picture in enumerate(r.spheres):
         dot = el("i", cls="dot", style=f"background:{PALETTE[i % len(PALETTE)]}")
-        spheres.append(_figure(picture, join(dot, picture.caption)))
-    return _section("Its materials", intro, el("div", spheres, cls="spheres"))
+        spheres.append(figure(picture, join(dot, picture.caption)))
+    return section("Its materials", intro, el("div", spheres, cls="spheres"))
 
 
 def _blend(r: Report) -> Html | None:
-    pictures = [_figure(p) for p in (r.blend_map, r.coverage, r.trust) if p is not None]
+    pictures = [figure(p) for p in (r.blend_map, r.coverage, r.trust) if p is not None]
     if not pictures:
         return None
     intro = "The surface laid flat. First, which material is where, in the colours of the dots above"
@@ -156,14 +166,14 @@ def _blend(r: Report) -> Html | None:
         intro += "learnt from points blended anew without one of their photographs."
     if r.blend_map is None:
         intro = "The surface laid flat: how many photographs saw each point."
-    return _section("Where they are", f"{intro} {r.coverage_note}".strip(), el("div", pictures, cls="split"))
+    return section("Where they are", f"{intro} {r.coverage_note}".strip(), el("div", pictures, cls="split"))
 
 
 def _maps(r: Report) -> Html | None:
     if not r.maps:
         return None
     intro = "What usual renderers read, fitted to the blended material at each point."
-    return _section("Its maps", intro, el("div", [_figure(p) for p in r.maps], cls="grid"))
+    return section("Its maps", intro, el("div", [figure(p) for p in r.maps], cls="grid"))
 
 
 def _search(r: Report) -> Html | None:
@@ -175,7 +185,7 @@ def _search(r: Report) -> Html | None:
         "tries more as long as the misfit falls by more than the penalty for the extra material rises."
     )
     status = el("p", r.status, cls="soft") if r.status else None
-    return _section("How many materials", intro + kept, search_plot(r.trials, r.chosen), status)
+    return section("How many materials", intro + kept, search_plot(r.trials, r.chosen), status)
 
 
 def _costs(r: Report) -> Html | None:
@@ -194,7 +204,7 @@ def _costs(r: Report) -> Html | None:
     ]
     total = sum(c.seconds for c in r.costs)
     intro = f"{total:.1f} s altogether; the last column is the peak memory of the process during the stage."
-    return _section("What it cost", intro, el("table", rows))
+    return section("What it cost", intro, el("table", rows))
 
 
 def _inputs(r: Report) -> Html | None:
@@ -203,25 +213,18 @@ def _inputs(r: Report) -> Html | None:
         if pairs:
             rows = [el("tr", el("th", name, scope="row"), el("td", value)) for name, value in pairs]
             tables.append(el("div", el("h3", title), el("table", rows)))
-    return _section("What went in", "", el("div", tables, cls="split")) if tables else None
+    return section("What went in", "", el("div", tables, cls="split")) if tables else None
 
 
 def _next(r: Report) -> Html | None:
     if not r.next_steps:
         return None
     steps = [join(el("p", what), el("pre", el("code", command))) for what, command in r.next_steps]
-    return _section("Where to go from here", "", steps)
+    return section("Where to go from here", "", steps)
 
 
 def _cite() -> Html:
-    return _section("How to cite", "", el("p", "The method is from: ", PAPER))
-
-
-def _footer(r: Report) -> Html:
-    return el(
-        "footer",
-        f"Made by Swatchwork {r.version}".strip() + ". This page needs no network and runs no script.",
-    )
+    return section("How to cite", "", el("p", "The method is from: ", PAPER))
 
 
 def _number(count: int) -> str:

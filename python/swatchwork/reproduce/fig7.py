@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..analysis import in_local_frames
 from ..arrays import F64, I32
 from ..baselines import Goldman, Measurements, Recovered, SparseAsPossible
 from ..reflectance import GenericBasis, paper
@@ -120,15 +121,6 @@ def lit_by_directions(
     seen, counts = np.unique(texel, return_counts=True)
     offsets = np.concatenate([[0], np.cumsum(counts)])
     return Measurements(basis, responses, radiance.astype(np.float32), offsets), seen
-
-
-def in_local_frames(n: F64, i: F64, o: F64) -> tuple[F64, F64]:
-    """Directions [P, 3] in frames with the normal as z."""
-    axis = np.eye(3)[np.argmin(np.abs(n), axis=1)]
-    x = np.cross(n, axis)
-    x /= np.linalg.norm(x, axis=1, keepdims=True)
-    frame = np.stack([x, np.cross(n, x), n], axis=1)
-    return np.einsum("pab,pb->pa", frame, i), np.einsum("pab,pb->pa", frame, o)
 
 
 def claims(figures: Figures) -> list[Claim]:

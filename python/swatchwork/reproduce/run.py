@@ -17,7 +17,7 @@ from typing import Any
 from ..capture import read_capture
 from ..errors import InputError
 from ..progress import SILENT, Progress
-from ..report.curves import curve_plot
+from ..report import curve_plot
 from ..workflow import digest_of_the_package, fingerprints
 from .data import Data
 from .experiment import Claim, Experiment, Figures, Setting, write_whole
