@@ -76,12 +76,15 @@ validate: setup ## measure exactness, synthetic blends, captures (hours); write 
 	$(BIN)/python scripts/measure/two_of_four.py --data $(DATA) --search-order paper --seeds 1 --only 0 3 --json $(FIGURES)/two_of_four-paper-order.json
 	$(BIN)/python scripts/measure/shadows.py --captures $(CAPTURES) --json $(FIGURES)/shadows.json
 	$(BIN)/python scripts/measure/captures.py --captures $(CAPTURES) --json $(FIGURES)/captures.json
+	$(BIN)/python scripts/measure/planning.py --json $(FIGURES)/planning.json
+	$(BIN)/python scripts/measure/confidence.py --data $(DATA) --captures $(CAPTURES) --json $(FIGURES)/confidence.json
 	$(BIN)/python scripts/measure/page.py --figures $(FIGURES) --page docs/validation.md
 
 # Finished parts are kept in target/reproduction; `rm -r` it to begin anew.
 reproduce: setup ## run the paper's experiments (hours); write docs/reproduction.md
 	$(BIN)/swatchwork reproduce all --data $(DATA) --captures $(CAPTURES) -o target/reproduction
-	{ cat target/reproduction/reproduction.md; echo; echo "Commit $$(git rev-parse --short HEAD), $$(date +%F)."; } > docs/reproduction.md
+	cp target/reproduction/reproduction.md docs/reproduction.md
+	rm -rf docs/pictures && cp -r target/reproduction/pictures docs/pictures
 
 picture: setup ## make the README's picture, docs/picture.png, from the demo
 	$(BIN)/swatchwork demo $(DEMO) --picture docs/picture.png

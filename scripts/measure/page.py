@@ -4,8 +4,8 @@
 
     python scripts/measure/page.py --figures target/validation --page docs/validation.md
 
-Reads forward_model.json, exactness.json, two_of_four*.json, shadows.json and captures.json, whichever are
-there. Every verdict is computed from them against the bounds below; the page names the command and the commit
+Reads forward_model.json, exactness.json, two_of_four*.json, shadows.json, captures.json, planning.json and
+confidence.json, whichever are there. Every verdict is computed from them against the bounds below; the page names the command and the commit
 of each figure.
 """
 
@@ -17,7 +17,10 @@ from pathlib import Path
 from typing import Any
 
 import captures
+import confidence
 import exactness
+import numpy as np
+import planning
 import results
 import shadows
 import two_of_four
@@ -210,6 +213,50 @@ is a small sample; the bounds are for all of them.
 """
 
 
+def planning_section(figures: Figures) -> str:
+    rows, took = figures["rows"], figures["duration"]
+    fewer = 100 * float(np.median([planning.saved(r) for r in rows]))
+    verdicts = [
+        ("photographs that 30 % fewer would fall short of", max(0.0, 30 - fewer), 0, "%"),
+        (f"30 views, {took['triangles']} triangles, 1024 x 512 probe: seconds", took["seconds"], 30, "s"),
+    ]
+    uniform = 100 * float(np.median([planning.saved(r, "uniform") for r in rows]))
+    return f"""{source(figures)}
+
+{len(rows)} runs: three objects under three lights, five seeds each; {planning.MATERIALS} GGX materials, {planning.BLENDED} blended at
+a point, {planning.NOISE_PERCENT:g} % noise, n and N found. The fewest planned views whose novel-light NRMS is at most that of
+{planning.RANDOM_K} random ones: {fewer:.0f} % fewer at the median. Views that are merely far apart: {uniform:.0f} % fewer.
+
+{results.verdicts(verdicts)}
+
+{results.table(list(planning.COLUMNS), [planning.cells(r) for r in rows], markdown=True)}
+"""
+
+
+def confidence_section(figures: Figures) -> str:
+    rows = figures["rows"]
+    verdicts = []
+    for words, key in (("texel by texel", "expected"), ("over nine texels", "expected_nine")):
+        verdicts += [(f"{r['capture']}: 1 - correlation, {words}", 1 - r[key], 0.4, "") for r in rows]
+    gain = min(r["expected"] - r["views"] for r in rows)
+    verdicts.append(
+        ("correlation of the number of views less that of the expected error, most", -gain, 0, "")
+    )
+    return f"""{source(figures)}
+
+The error that is expected of each texel (material/trust.py, learnt from held-out views of the capture alone)
+against its actual one under novel light, from the true materials: Spearman's rank correlation, beside that of
+the number of views and of the residual. *nine*: root mean squares over a texel and its eight nearest. One
+texel's error is for a good part the noise of its own few measurements, whose size can be foreseen but not
+whether it struck: that limits any ranking of single texels. The last columns are root mean squares, of the
+actual error without its largest hundredth.
+
+{results.verdicts(verdicts)}
+
+{results.table(list(confidence.HEAD), [confidence.cells(r) for r in rows], markdown=True)}
+"""
+
+
 SECTIONS: dict[str, tuple[str, Callable[[Figures], str]]] = {
     "forward_model": ("Forward model", forward_section),
     "exactness": ("Exactness", exactness_section),
@@ -217,6 +264,8 @@ SECTIONS: dict[str, tuple[str, Callable[[Figures], str]]] = {
     "two_of_four-paper-order": ("Two of four materials, in the paper's search order", two_of_four_section),
     "shadows": ("Shared shadows", shadows_section),
     "captures": ("Captures of measured materials", captures_section),
+    "planning": ("Planned views", planning_section),
+    "confidence": ("Expected errors", confidence_section),
 }
 HEAD = """# Validation
 
