@@ -5,11 +5,11 @@
     python scripts/measure/confidence.py --data ../shared/data --captures ../shared/captures \\
         --json target/validation/confidence.json
 
-Three simulated captures (six GGX materials beyond the basis, two blended at a point, 2 % noise) and igea-merl.
-Actual: the relative error of a texel's response under the novel light towards random viewers about its normal,
-from the true materials and weights, without self-shadowing. Texels that at least one view sees; Spearman's rank
-correlation, texel by texel, and over neighbourhoods of nine texels (root mean square of both), beside that of
-the number of views and of the residual.
+Three simulated captures (six GGX materials beyond the basis, two blended at a point, 2 % noise) and
+igea-merl. Actual: the relative error of a texel's response under the novel light towards random viewers about
+its normal, from the true materials and weights, without self-shadowing. Texels that at least one view sees;
+Spearman's rank correlation, texel by texel, and over neighbourhoods of nine texels (root mean square of
+both), beside that of the number of views and of the residual.
 """
 
 from __future__ import annotations
