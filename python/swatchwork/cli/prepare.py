@@ -1,0 +1,31 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""``swatchwork prepare ...``: the way from a memory card to a capture folder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from textwrap import dedent
+from typing import Any
+
+import typer
+
+HELP = """
+From photographs to a capture: linear radiance, camera intrinsics, the light probe, poses.
+
+Each step has a figure of merit and a picture to check by eye.
+"""
+
+STEPS: tuple[Callable[..., Any], ...] = ()
+"""The commands, in the order of use."""
+
+app = typer.Typer(
+    name="prepare",
+    help=HELP,
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+for step in STEPS:
+    text, _, examples = (step.__doc__ or "").partition("Examples:")
+    app.command(help=text, epilog=f"[bold]Examples:[/bold]\n\n{dedent(examples).strip()}")(step)
