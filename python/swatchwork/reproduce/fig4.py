@@ -38,7 +38,7 @@ def measure(setting: Setting) -> Figures:
                 return run(method, taken, [test], seen, f"fig4-{trial}-{k}")
 
             runs.append({"trial": trial} | setting.kept(f"fig4-{trial}-{k}", make))
-    portrait.show(setting.pictures / "fig3.png", {f"fig4-0-{k}": f"k = {k}" for k in views})
+    portrait.show(setting.pictures / "fig3.jpg", {f"fig4-0-{k}": f"k = {k}" for k in views})
     return {"views": list(views), "runs": runs}
 
 
@@ -104,5 +104,5 @@ FIG4 = Experiment(
     "of them blended at a point ('copper' of Wang et al. is not public), captured under Grace from "
     "random views; NRMS under Uffizi from four other views.",
     plots=plots,
-    pictures=(("fig3.png", "Fig. 3: the first trial's result by k, and its differences"),),
+    pictures=(("fig3.jpg", "Fig. 3: the first trial's result by k, and its differences"),),
 )

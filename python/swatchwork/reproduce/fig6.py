@@ -73,7 +73,7 @@ def measure(setting: Setting) -> Figures:
 
     in_paper_basis = setting.kept("fig6-paper-basis", published)
     shown = {f"fig6-{least}-{r['label'].replace(' ', '-')}": r["label"] for r in runs if r["k"] == least}
-    portrait.show(setting.pictures / "fig6.png", shown)
+    portrait.show(setting.pictures / "fig6.jpg", shown)
     return {"runs": runs, "enough": enough, "in_paper_basis": in_paper_basis}
 
 
@@ -176,5 +176,5 @@ FIG6 = Experiment(
     "four other views, rims to n.o = 0.03 included. 'No sparse basis' fits every texel by itself with "
     "all generic kernels.",
     plots=plots,
-    pictures=(("fig6.png", "what each method recovers, and its differences"),),
+    pictures=(("fig6.jpg", "what each method recovers, and its differences"),),
 )

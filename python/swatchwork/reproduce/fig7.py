@@ -67,7 +67,7 @@ def measure(setting: Setting) -> Figures:
                 setting.kept(f"fig7-{name}-goldman-{k}", goldman)
                 | {"target": name, "label": f"Goldman, k = {k}"}
             )
-        portrait.show(setting.pictures / f"fig7-{name}.png", shown)
+        portrait.show(setting.pictures / f"fig7-{name}.jpg", shown)
     return {"runs": runs}
 
 
@@ -166,5 +166,5 @@ FIG7 = Experiment(
     "12 views under St. Peter's; Goldman's method, whose light is directional, from one random light "
     "a view, N tried from 5 to 25. Its lobes are Cook-Torrance's instead of Ward's, so that it has "
     "the same to choose from.",
-    pictures=tuple((f"fig7-{name}.png", f"Fig. 7: {name}") for name in ("triangle", "textured")),
+    pictures=tuple((f"fig7-{name}.jpg", f"Fig. 7: {name}") for name in ("triangle", "textured")),
 )

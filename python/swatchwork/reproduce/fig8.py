@@ -10,7 +10,6 @@ import numpy as np
 
 from ..arrays import F64
 from ..baselines import Recovered, fit_reflectance, single_lobe_basis
-from ..capture import write_png
 from ..capture.images import read_coded
 from ..light import Environment
 from ..reflectance import GenericBasis, basis_by_name
@@ -19,7 +18,7 @@ from ..simulate import MeasuredMaterials, Pairs
 from ..solve import Problem
 from .data import STAND_INS
 from .experiment import Claim, Experiment, Figures, Plot, Setting, Table
-from .pictures import Disc, caption, exposure_of, write_flat
+from .pictures import Disc, caption, exposure_of, write_flat, write_small
 from .spheres import rendered
 
 CAPTURES, NOVEL = ("stpeters", "grace"), ("rnl", "uffizi")
@@ -128,8 +127,7 @@ def contact_sheet(setting: Setting, names: list[str]) -> None:
         rows.append(np.concatenate([caption(name, tile.shape[1])[..., :3], tile]))
     rows += [np.full_like(rows[0], 255)] * (len(rows) % 2)
     sheet = np.concatenate([np.concatenate(rows[i : i + 2], axis=1) for i in range(0, len(rows), 2)])
-    setting.pictures.mkdir(parents=True, exist_ok=True)
-    write_png(setting.pictures / "fig8.png", sheet.astype(np.uint8))
+    write_small(setting.pictures / "fig8.jpg", sheet.astype(np.uint8))
 
 
 def run(setting: Setting) -> Figures:
@@ -263,5 +261,5 @@ FIG8 = Experiment(
     "whole reflectance instead of a picture: one Lambertian and one Cook-Torrance lobe by Ngan et "
     "al.'s distance.",
     plots=plots,
-    pictures=(("fig8.png", "Fig. 8: reference, ours, single lobe; under Grove, then Uffizi"),),
+    pictures=(("fig8.jpg", "Fig. 8: reference, ours, single lobe; under Grove, then Uffizi"),),
 )

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from PIL import Image
 
 from ..arrays import F64, U8, Bool
 from ..capture import write_png
@@ -110,5 +111,13 @@ def caption(text: str, width: int) -> U8:
 def write_flat(file: Path, pixels: U8) -> None:
     """Write a picture [H, W, 4] on white."""
     alpha = pixels[..., 3:] / 255.0
+    write_small(file, (pixels[..., :3] * alpha + 255 * (1 - alpha)).astype(np.uint8))
+
+
+def write_small(file: Path, pixels: U8) -> None:
+    """Write a picture [H, W, 3], as JPEG where the name says so: sheets for a page need no lossless bits."""
     file.parent.mkdir(parents=True, exist_ok=True)
-    write_png(file, (pixels[..., :3] * alpha + 255 * (1 - alpha)).astype(np.uint8))
+    if file.suffix == ".jpg":
+        Image.fromarray(pixels).save(file, quality=88)
+    else:
+        write_png(file, pixels)

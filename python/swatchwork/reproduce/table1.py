@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from ..arrays import F32, U8
-from ..capture import Camera, write_png
+from ..capture import Camera
 from ..capture.images import read_coded
 from ..evaluate import psnr_ldr, squared_error
 from ..light import Environment
@@ -33,7 +33,7 @@ from ..workflow.pages import relit
 from ..workflow.recovery import recover
 from .experiment import Claim, Experiment, Figures, Setting, Table
 from .objects import MASKING, NOISE_PERCENT, TABLE, Row
-from .pictures import caption, write_flat
+from .pictures import caption, write_flat, write_small
 
 CAPTURED, NOVEL = "stpeters", ("rnl", "uffizi")
 RESOLUTION, SIZE = 256, 320
@@ -169,9 +169,8 @@ def _picture(file: Path, name: str, pairs: list[tuple[F32, F32]], maps: list[U8]
 
 
 def _sheet(setting: Setting, names: list[str]) -> None:
-    setting.pictures.mkdir(parents=True, exist_ok=True)
     rows = [read_coded(setting.parts / f"{name}.png")[..., :3] for name in names]
-    write_png(setting.pictures / "table1.png", np.concatenate(rows).astype(np.uint8))
+    write_small(setting.pictures / "table1.jpg", np.concatenate(rows).astype(np.uint8))
 
 
 def novel_error(run: Figures, key: str = "nrms") -> float:
@@ -253,7 +252,7 @@ TABLE1 = Experiment(
     "views under Grove and Uffizi. At 1024 x 1024 and with times that compare: docs/benchmarks.md.",
     pictures=(
         (
-            "table1.png",
+            "table1.jpg",
             "Figs. 13 to 16: true and relit under Grove and Uffizi; diffuse and specular albedo, "
             "roughness (white: sigma 0.5), tau",
         ),
