@@ -29,6 +29,8 @@ PIXELS = 42
 RIM = 0.04
 """Least n.o, as in the prototype whose figures are to be beaten."""
 AT_ONCE = 10
+ACROSS = 4
+"""Materials a line of the sheet."""
 VIEW = np.array([0.0, -1.0, 0.0])
 TEST_VIEW = np.array([0.35, -0.93, 0.15])
 
@@ -120,13 +122,14 @@ def _picture(
 
 
 def contact_sheet(setting: Setting, names: list[str]) -> None:
-    """All materials' rows on one sheet, two a line, each under its name."""
+    """All materials' rows on one sheet, ACROSS a line, each under its name."""
     rows = []
     for name in names:
         tile = read_coded(setting.folder / "fig8" / f"{name}.png")
         rows.append(np.concatenate([caption(name, tile.shape[1])[..., :3], tile]))
-    rows += [np.full_like(rows[0], 255)] * (len(rows) % 2)
-    sheet = np.concatenate([np.concatenate(rows[i : i + 2], axis=1) for i in range(0, len(rows), 2)])
+    rows += [np.full_like(rows[0], 255)] * (-len(rows) % ACROSS)
+    lines = [np.concatenate(rows[i : i + ACROSS], axis=1) for i in range(0, len(rows), ACROSS)]
+    sheet = np.concatenate(lines)
     write_small(setting.pictures / "fig8.jpg", sheet.astype(np.uint8))
 
 
