@@ -192,7 +192,8 @@ def claims(figures: Figures) -> list[Claim]:
             + (f"; not {'; '.join(others)}" if others else ""),
             len(agreeing) == len(whole),
             "with 1 % noise a material that is rare, or near a blend of others, does not pay for its "
-            "penalty; more so where few photographs see it. The novel-light error does not suffer.",
+            "penalty; more so where few photographs see it. Where photographs see the surface the novel-light "
+            "error is small all the same.",
         )
     ]
     few = [r for r in figures["runs"] if r["k"] < r["row"]["k"]]
