@@ -192,8 +192,11 @@ def claims(figures: Figures) -> list[Claim]:
             + (f"; not {'; '.join(others)}" if others else ""),
             len(agreeing) == len(whole),
             "with 1 % noise a material that is rare, or near a blend of others, does not pay for its "
-            "penalty; more so where few photographs see it. Where photographs see the surface the novel-light "
-            "error is small all the same.",
+            "penalty; more so where few photographs see it. The novel-light NRMS of those not agreeing is "
+            + ", ".join(
+                f"{100 * novel_error(r):.1f} % ({r['row']['name']})" for r in whole if r not in agreeing
+            )
+            + ".",
         )
     ]
     few = [r for r in figures["runs"] if r["k"] < r["row"]["k"]]
