@@ -17,7 +17,6 @@ from swatchwork.analysis import (
     Views,
     condition_numbers,
     conditioning,
-    fit_error_model,
     next_best_views,
     prior_of,
     uniform_views,
@@ -26,14 +25,17 @@ from swatchwork.analysis.confidence import HELD_OUT_TEXELS
 from swatchwork.capture import read_capture
 from swatchwork.cli import main
 from swatchwork.errors import InputError
+from swatchwork.light import read_environment
 from swatchwork.material import expected_error, material_maps, neighbourhood_of_windows, read_material
 from swatchwork.material.trust import neighbourhood
 from swatchwork.observe import Lights
-from swatchwork.reconstruct import ReconstructOptions, reconstruct
+from swatchwork.reconstruct import ReconstructOptions
 from swatchwork.reflectance import paper
-from swatchwork.response import generic_responses
+from swatchwork.response import generic_responses, representative_responses
 from swatchwork.simulate import (
+    SyntheticCapture,
     camera_towards,
+    dense_weights,
     fibonacci_sphere,
     procedural_environment,
     random_directions,
@@ -84,7 +86,7 @@ def test_points_are_spread_by_area_and_seen_as_texels_are() -> None:
 
 def test_conditioning_is_that_of_the_explicit_matrices() -> None:
     views = views_of("blob", random_directions(6, 1))
-    found = conditioning(views, paper(), [2, 6], tolerance=0.01, blended=4)
+    found = conditioning(views, paper(), [2, 6], noise=0.01, blended=4)
     for c, k in enumerate((2, 6)):
         rows = []
         for m in range(len(views.points)):
@@ -105,7 +107,9 @@ def test_conditioning_is_that_of_the_explicit_matrices() -> None:
             singular[: len(seen)] = np.linalg.svd(matrix.astype(np.float64), compute_uv=False)[:6]
             # Gram matrices hold squares: 1e-7 of the largest is what is left of a double.
             np.testing.assert_allclose(found.blend[c, m], singular, atol=1e-6 * max(singular[0], 1e-30))
-            assert found.ranks[c, m] == np.count_nonzero(singular > 0.01 * singular[0])
+            assert found.ranks[c, m] == np.count_nonzero(
+                singular > 0.01 * singular[0] / max(len(seen), 1) ** 0.5
+            )
             expected = singular[0] / singular[2] if singular[2] > 1e-6 * singular[0] else np.inf
             assert found.conditions[c, m] == pytest.approx(expected, rel=1e-3)
         whole = np.linalg.svd(np.concatenate(rows).astype(np.float64), compute_uv=False)
@@ -114,7 +118,18 @@ def test_conditioning_is_that_of_the_explicit_matrices() -> None:
         padded = np.zeros(len(top))
         padded[: len(whole)] = whole
         np.testing.assert_allclose(top, padded / whole[0], atol=1e-6)
-        assert found.representative_ranks[c] == np.count_nonzero(whole > 0.01 * whole[0])
+        assert found.representative_ranks[c] == np.count_nonzero(
+            whole > 0.01 * whole[0] / sum(map(len, rows)) ** 0.5
+        )
+        # With p times the root mean square of noise, least squares has this covariance.
+        m = int(np.argmax(found.views[c]))
+        matrix = rows[m].astype(np.float64)
+        if len(matrix) >= 3:
+            sigma = 0.01 * np.linalg.svd(matrix, compute_uv=False)[0] / len(matrix) ** 0.5
+            third = np.sqrt(np.sort(np.linalg.eigvalsh(np.linalg.pinv(matrix.T @ matrix)))[-len(matrix) :])[
+                ::-1
+            ]
+            assert found.weight_errors[c, m] == pytest.approx(sigma * third[len(matrix) - 3], rel=1e-2)
 
 
 def test_condition_numbers_where_there_are_none() -> None:
@@ -212,47 +227,66 @@ def test_neighbourhoods_by_image_and_by_window_agree() -> None:
 
 
 @pytest.fixture(scope="module")
-def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def small(tmp_path_factory: pytest.TempPathFactory) -> SyntheticCapture:
     folder = tmp_path_factory.mktemp("confidence") / "capture"
-    simulate_capture(
+    return simulate_capture(
         folder, object_shape="blob", rows=32, k=5, test_views=1, size=96, truth="ggx", noise_percent=2.0
     )
-    return folder
 
 
-def test_expected_errors_rank_held_out_errors_and_are_kept(small: Path, tmp_path: Path) -> None:
+def test_expected_errors_rank_held_out_errors_and_are_kept(small: SyntheticCapture, tmp_path: Path) -> None:
     solve = SolveOptions(max_N=4, max_n=2)
     options = ReconstructOptions(resolution=64, texels=600, solve=solve)
-    found = recover(small, tmp_path / "material", options)
+    found = recover(small.folder, tmp_path / "material", options)
     trust = found.material.trust
     assert trust is not None and 0 < trust.held_out <= 2 * HELD_OUT_TEXELS
     # 2 % of noise on hundreds of texels: a representative is known to some percent.
-    assert (trust.representatives > 1e-4).all() and (trust.representatives < 0.3).all()
+    spread = found.material.spread
+    assert spread is not None and (spread > 1e-4).all() and (spread < 0.3).all()
     back = read_material(tmp_path / "material")
     maps, again = material_maps(found.material), material_maps(back)
     np.testing.assert_array_equal(maps.expected_error, again.expected_error)
     np.testing.assert_array_equal(expected_error(back, 3), maps.expected_error[::3, ::3])
     coverage = found.material.coverage
     assert (maps.confidence[coverage <= 0] == 0).all() and (maps.expected_error[coverage > 0] > 0).all()
-    # Against the truth that the learning never saw: other random choices of the view left out.
-    rec = reconstruct(read_capture(small), options)
-    other = fit_error_model(rec.rendering, rec.basis, rec.solution, rec.blend, seed=1)
-    assert other is not None
-    second = material_maps(replace(found.material, trust=other)).expected_error
-    seen = coverage > 0
-    assert spearmanr(second[seen], maps.expected_error[seen]).statistic > 0.9
+    assert (maps.expected_error[coverage == 0] == 1).all() and (maps.expected_error[coverage < 0] == 0).all()
+    # Against the truth, which the learning never saw: responses under the novel light along the normals.
+    atlas = found.reconstruction.observations.atlas
+    texel = np.flatnonzero(found.reconstruction.observations.coverage)
+    position, normal = atlas.points(texel)
+    light = read_capture(small.folder / "test").environment
+    assert light is not None
+    pyramid = read_environment(light).pyramid()
+    weights = dense_weights(*small.blend(position), len(small.representatives))
+    true = np.einsum(
+        "pnc,pn->pc",
+        representative_responses(small.basis, small.representatives, pyramid, normal, normal),
+        weights,
+    )
+    m = found.material
+    pixel = atlas.pixel[texel]
+    own = dense_weights(m.index.reshape(-1, m.n)[pixel], m.weight.reshape(-1, m.n)[pixel], m.N)
+    made = representative_responses(found.reconstruction.basis, m.representatives, pyramid, normal, normal)
+    error = np.linalg.norm(np.einsum("pnc,pn->pc", made, own) - true, axis=1) / np.linalg.norm(true, axis=1)
+    views = found.reconstruction.observations.coverage[texel].astype(float)
+    ours = spearmanr(maps.expected_error.ravel()[pixel], error).statistic
+    # One direction and one light are a noisy judge; docs/validation.md has the correlation over many.
+    assert ours > 0.15 and ours > spearmanr(1 / views, error).statistic
 
 
-def test_one_photograph_has_no_error_model(small: Path, tmp_path: Path) -> None:
+def test_one_photograph_has_no_error_model(small: SyntheticCapture, tmp_path: Path) -> None:
     options = ReconstructOptions(resolution=48, texels=300, solve=SolveOptions(max_N=2, max_n=1))
-    material = recover(small, tmp_path / "one", options, views=1).material
+    material = recover(small.folder, tmp_path / "one", options, views=1).material
     assert material.trust is None and read_material(tmp_path / "one").trust is None
-    assert np.isfinite(material_maps(material).confidence).all()
+    # Nothing was held out, so nothing is known of the error; of the representatives something is.
+    maps = material_maps(material)
+    assert (maps.confidence == 0).all() and (maps.expected_error[material.coverage >= 0] == 1).all()
+    assert material.spread is not None and (material.spread > 0).all()
 
 
-def test_a_damaged_error_model_is_named(small: Path, tmp_path: Path) -> None:
+def test_a_damaged_error_model_is_named(small: SyntheticCapture, tmp_path: Path) -> None:
     options = ReconstructOptions(resolution=48, texels=300, solve=SolveOptions(max_N=2, max_n=2))
-    recover(small, tmp_path / "m", options)
+    recover(small.folder, tmp_path / "m", options)
     file = tmp_path / "m" / "svbrdf.json"
     head = json.loads(file.read_text(encoding="utf-8"))
     head["trust"]["coefficients"].pop()
@@ -262,25 +296,34 @@ def test_a_damaged_error_model_is_named(small: Path, tmp_path: Path) -> None:
 
 
 def test_plan_and_analyze_from_the_command_line(
-    small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    small: SyntheticCapture, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     at, page = tmp_path / "plan", tmp_path / "analysis.html"
-    have = str(small / "transforms.json")
+    have = str(small.folder / "transforms.json")
     assert main(["plan", "--have", have, "--views", "2", "--candidates", "30", "-o", str(at), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["have"] == 5 and found["views"] == 2 and found["left"][-1] < found["left"][0]
     planned = read_capture(at / "transforms.json", require_images=False)
-    taken = read_capture(small).frames[0].camera
+    taken = read_capture(small.folder).frames[0].camera
     assert len(planned.frames) == 2 and planned.frames[0].camera.fx == pytest.approx(taken.fx)
     distance = np.linalg.norm(planned.frames[0].camera.position)
     assert distance == pytest.approx(np.linalg.norm(taken.position), rel=0.1)
     assert "<svg" in (at / "plan.html").read_text(encoding="utf-8")
-    assert main(["analyze", str(small), "-o", str(page), "--json"]) == 0
+    # A plan can be analysed, and planned on into the same folder; photographs are never overwritten.
+    assert main(["analyze", str(at), "--json"]) == 0
+    capsys.readouterr()
+    arguments = ["--views", "1", "--candidates", "30", "-q"]
+    assert main(["plan", "--have", have, *arguments, "-o", str(at)]) == 0
+    before = (small.folder / "transforms.json").read_bytes()
+    assert main(["plan", "--have", have, *arguments, "-o", str(small.folder)]) == 2
+    assert "not a plan" in capsys.readouterr().err
+    assert (small.folder / "transforms.json").read_bytes() == before
+    assert main(["analyze", str(small.folder), "-o", str(page), "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)["rows"]
     assert [r["k"] for r in rows] == [1, 2, 3, 4, 5]
     assert rows[-1]["representative_rank"] >= rows[0]["representative_rank"]
     assert "Representatives" in page.read_text(encoding="utf-8")
-    probe = str(small / "env.exr")
+    probe = str(small.folder / "env.exr")
     arguments = ["--shape", "cap", "--environment", probe, "--convention", "blender", "--rotations", "2"]
     assert main(["analyze", *arguments, "--views", "3", "--json"]) == 0
     lights = json.loads(capsys.readouterr().out)["lights"]
@@ -299,6 +342,9 @@ def test_plan_and_analyze_from_the_command_line(
         (["analyze", "--shape", "sphere", "--directional", "--noise", "2"], "--noise is 2"),
         (["analyze", "--shape", "sphere", "--directional", "--arrangement", "planned"], "planned views"),
         (["analyze"], "no object is given"),
+        (["analyze", "--shape", "sphere", "--mesh", "a.obj"], "--mesh and --shape"),
+        (["analyze", "--shape", "sphere", "--directional", "--rotations", "2"], "--rotations"),
+        (["analyze", "a", "--shape", "sphere", "--directional"], "a capture and an object"),
     ],
 )
 def test_what_is_missing_is_said(

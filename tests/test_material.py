@@ -358,6 +358,7 @@ def test_maps_off_the_atlas_and_of_unseen_texels() -> None:
     assert all(np.isfinite(image).all() for image in vars(maps).values())
     assert maps.diffuse[3:].max() == 0
     assert maps.confidence[0].max() == maps.confidence[3:].max() == 0
-    # Without an error model the residual stands in for the error: none here.
-    assert maps.confidence[1].min() == maps.confidence[2].min() == 1
+    # Without an error model nothing is known of the error.
+    assert maps.confidence.max() == 0
+    assert maps.expected_error[:3].min() == 1 and maps.expected_error[3:].max() == 0
     assert maps.roughness.max() == maps.tau.max() == 0

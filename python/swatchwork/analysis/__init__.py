@@ -12,7 +12,7 @@ from .conditioning import (
     conditioning,
     singular_values,
 )
-from .confidence import fit_error_model
+from .confidence import fit_error_model, spread_of_representatives
 from .directions import Directions, in_local_frames
 from .planning import Criterion, Plan, Prior, next_best_views, prior_of, uniform_views
 
@@ -33,5 +33,6 @@ __all__ = [
     "next_best_views",
     "prior_of",
     "singular_values",
+    "spread_of_representatives",
     "uniform_views",
 ]

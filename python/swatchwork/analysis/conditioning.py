@@ -11,9 +11,10 @@ Responses are those to the light's mean over the channels. A white light has thr
 blocks side by side would triple every singular value and hide that one view determines one weight.
 
 Singular values are roots of the eigenvalues of Gram matrices, [k, k] a point and [J, J] in all, which a
-stream of tiles adds up; so those below 1e-7 of the largest are rounding. What is below ``tolerance`` of the
-largest counts as zero: along such a direction weights as large as the whole change the responses by less
-than that share, so noise of that share drowns it.
+stream of tiles adds up; so those below 1e-7 of the largest are rounding. Least squares from K rows with
+noise of a share p of their root mean square, sigma_1 / sqrt(K) for the largest singular value, leaves weights
+with a standard deviation of p sigma_1 / (sqrt(K) sigma_i) along the i-th direction: where that is above 1,
+more than a whole weight, the direction counts as not determined. So ranks grow with every view.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ from ..surface import RayScene, SkyMasks, SurfacePoints, points_in_sight, sky_of
 from .directions import Directions
 
 NOISE = 0.01
-"""Relative noise of a good linear photograph, and so the default tolerance."""
+"""Relative noise of a good linear photograph, the default."""
 BLENDED = 4
 """n that the paper's analysis assumes."""
 PAIRS_AT_ONCE = 1 << 15
@@ -46,7 +47,8 @@ class Conditioning:
     """What a set of views determines, for the first k of them by each of ``counts``."""
 
     counts: tuple[int, ...]
-    tolerance: float
+    noise: float
+    """Relative, of a measurement."""
     blended: int
     """n."""
     blend: F64
@@ -58,8 +60,8 @@ class Conditioning:
 
     @cached_property
     def ranks(self) -> I32:
-        """[len(counts), M] numerical rank of each point's blend matrix."""
-        return self._rank(self.blend)
+        """[len(counts), M] rank of each point's blend matrix above the noise."""
+        return self._rank(self.blend, self.views)
 
     @cached_property
     def conditions(self) -> F64:
@@ -68,12 +70,17 @@ class Conditioning:
 
     @cached_property
     def representative_ranks(self) -> I32:
-        """[len(counts)] numerical rank of the representative matrix."""
-        return self._rank(self.representative)
+        """[len(counts)] rank of the representative matrix above the noise."""
+        return self._rank(self.representative, self.views.sum(axis=1))
 
-    def _rank(self, singular: F64) -> I32:
-        counts = np.count_nonzero(singular > self.tolerance * singular[..., :1], axis=-1)
-        return np.asarray(counts, dtype=np.int32)
+    @cached_property
+    def weight_errors(self) -> F64:
+        """[len(counts), M] standard deviation of blend weights along the (n - 1)th direction, from noise."""
+        return self.noise * self.conditions / np.sqrt(np.maximum(self.views, 1))
+
+    def _rank(self, singular: F64, rows: I32) -> I32:
+        least = self.noise * singular[..., 0] / np.sqrt(np.maximum(rows, 1))
+        return np.asarray(np.count_nonzero(singular > least[..., None], axis=-1), dtype=np.int32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +148,7 @@ def conditioning(
     views: Views,
     basis: GenericBasis,
     counts: Sequence[int] | None = None,
-    tolerance: float = NOISE,
+    noise: float = NOISE,
     blended: int = BLENDED,
     progress: Progress = SILENT,
 ) -> Conditioning:
@@ -169,7 +176,7 @@ def conditioning(
         [singular_values(grams[k - 1]) / np.sqrt(max(cumulated[:, k - 1].sum(), 1)) for k in counts]
     )
     seen_by = np.stack([cumulated[:, k - 1] for k in counts]).astype(np.int32)
-    return Conditioning(counts, tolerance, blended, found, representative, seen_by)
+    return Conditioning(counts, noise, blended, found, representative, seen_by)
 
 
 def _blend_spectra(

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import DARK, F32, F64, I64
-from ..material import ErrorModel, dense, features, neighbourhood_of_windows
+from ..material import LEAST, ErrorModel, dense, features, neighbourhood_of_windows
 from ..observe import Rendering, stratified
 from ..reflectance import GenericBasis
 from ..solve import Solution, sparse_blend
@@ -72,7 +72,7 @@ def fit_error_model(
     image = coverage.reshape(size, size)
     found = [_features(p, appearance, blend, image, atlas.pixel[p.texel], solution.n) for p in parts]
     x, error = np.concatenate(found), np.concatenate([part.error for part in parts])
-    return _fitted(x, error, appearance, spread_of_representatives(rendering, basis, solution, blend, seed))
+    return _fitted(x, error, appearance)
 
 
 def spread_of_representatives(
@@ -81,8 +81,8 @@ def spread_of_representatives(
     """Relative standard deviation [N] of each representative's response to the capture's light.
 
     From the representative optimisation matrix (section 5) of the kernels a representative has, each texel
-    weighted as in Eq. 5 and by its blend weight, with the residuals as noise. The others, and the blends,
-    count as known, so it is the least that can be said.
+    weighted as in Eq. 5 and by its blend weight, with the residuals as noise, for as many texels as the
+    representatives were found from. The others, and the blends, count as known.
     """
     observations, N = rendering.observations, len(solution.representatives)
     atlas, J = observations.atlas, basis.kernels
@@ -99,7 +99,8 @@ def spread_of_representatives(
         energy = np.add.reduceat((pairs.radiance.astype(np.float64) ** 2).sum(axis=1), pairs.offsets[:-1])
         energy = np.maximum(energy, DARK**2 * observations.typical * views)
         # A measurement's variance, in the unit in which its texel's energy is 1.
-        variance = blend.residual.ravel()[pixel].astype(np.float64) ** 2 / (3 * views)
+        free = np.maximum(3 * views - (solution.n - 1), 1)
+        variance = blend.residual.ravel()[pixel].astype(np.float64) ** 2 / free
         whole += responses.transpose(0, 2, 1) @ responses
         total += len(pairs.radiance)
         noise += weights.T @ variance
@@ -110,6 +111,7 @@ def spread_of_representatives(
             rows = responses[:, used] * factor[:, None]
             gram[i] += rows.transpose(0, 2, 1) @ rows
     whole /= max(total, 1)
+    gram *= len(solution.weights) / max(len(sample), 1)
     found = np.zeros(N)
     for i in range(N):
         squared = size = 0.0
@@ -171,9 +173,9 @@ def _features(
     return features(part.residual, around, change, strength, part.views, part.weights, n)
 
 
-def _fitted(x: F64, error: F64, appearance: F64, representatives: F64) -> ErrorModel:
+def _fitted(x: F64, error: F64, appearance: F64) -> ErrorModel:
     """Ridge regression of log errors, scaled so that the squares of what is expected add up to those met."""
-    target = np.log(np.maximum(error, 1e-3))
+    target = np.log(np.maximum(error, LEAST))
     mean, spread = x.mean(axis=0), np.maximum(x.std(axis=0), 1e-6)
     a = np.concatenate([(x - mean) / spread, np.ones((len(x), 1))], axis=1)
     ridge = RIDGE * len(x) * np.eye(a.shape[1])
@@ -182,8 +184,9 @@ def _fitted(x: F64, error: F64, appearance: F64, representatives: F64) -> ErrorM
     # Without the hundredth that is largest: highlights that one view has and the others lack.
     few = error <= np.quantile(error, 0.99)
     expected = np.exp(a @ coefficients)
-    coefficients[-1] += 0.5 * np.log((error[few] ** 2).sum() / (expected[few] ** 2).sum())
-    return ErrorModel(appearance, mean, spread, coefficients, representatives, len(x))
+    met = max(float((error[few] ** 2).sum()), LEAST**2 * len(x))
+    coefficients[-1] += 0.5 * np.log(met / (expected[few] ** 2).sum())
+    return ErrorModel(appearance, mean, spread, coefficients, len(x))
 
 
 def _root(gram: F64) -> F64:

@@ -32,9 +32,7 @@ from .conditioning import Views, blend_spectra, condition_numbers
 Criterion = Literal["A", "D"]
 SIGMA = 1.0
 """Of a measurement, relative to a response's own spread. Large, so that no view settles a point: its blend
-and the representatives must come out of these measurements too. Of 0.1, 0.3 and 1 it had the least error in
-six trials, and covariances in place of correlations up to ten times as much."""
-
+and the representatives must come out of these measurements too (docs/validation.md has what it is worth)."""
 ENOUGH = 0.1
 """Weight of points whose condition number is low enough, where there is one to reach."""
 

@@ -12,7 +12,7 @@ import typer
 from rich.table import Table
 
 from .console import session
-from .options import AsJson, Convention, Quiet, Seed, Threads, Verbose, use_threads
+from .options import AsJson, BasisName, Convention, Quiet, Seed, Threads, Verbose, use_threads
 
 if TYPE_CHECKING:
     from ..workflow import AnalysisSummary
@@ -24,13 +24,6 @@ class Where(StrEnum):
     random = "random"
     uniform = "uniform"
     planned = "planned"
-
-
-class BasisName(StrEnum):
-    """The generic bases."""
-
-    paper = "paper"
-    extended = "extended"
 
 
 def analyze(
@@ -57,8 +50,9 @@ def analyze(
         bool, typer.Option("--directional", help="Instead: a random directional light a view.")
     ] = False,
     arrangement: Annotated[
-        Where, typer.Option("--arrangement", help="Where the views of an object are.")
-    ] = Where.random,
+        Where | None,
+        typer.Option("--arrangement", help="Where the views of an object are.", show_default="random"),
+    ] = None,
     views: Annotated[
         int | None,
         typer.Option(min=1, metavar="COUNT", help="How many.", show_default="the capture's, or 20"),
@@ -66,12 +60,10 @@ def analyze(
     occluder: Annotated[
         list[Path] | None, typer.Option(help="Mesh that blocks light and sight; repeatable.")
     ] = None,
-    basis: Annotated[BasisName, typer.Option(help="Generic basis.")] = BasisName.paper,
+    basis: Annotated[BasisName, typer.Option(help="Generic basis.")] = BasisName.extended,
     noise: Annotated[
         float,
-        typer.Option(
-            metavar="SHARE", help="Relative noise: a singular value below it, of the largest, counts as zero."
-        ),
+        typer.Option(metavar="SHARE", help="Relative noise of a measurement, for ranks and weight errors."),
     ] = 0.01,
     blended: Annotated[
         int, typer.Option(metavar="N", help="Materials blended at a point: the condition is at the (n-1)th.")
@@ -111,7 +103,7 @@ def analyze(
             names=[f"{file.absolute().parent.name}/{file.name}" for file in files],
             directional=directional,
             rotations=rotations,
-            arrangement=arrangement.value,
+            arrangement=arrangement.value if arrangement else None,
             views=views,
             occluders=occluder or [],
             basis=basis.value,
@@ -130,7 +122,8 @@ def analyze(
 
 def _table(found: AnalysisSummary) -> Table:
     table = Table(box=None, pad_edge=False)
-    for name in ("k", "seen %", "rank", "worst", "condition", "95 %", "representative rank"):
+    names = ("k", "seen %", "rank", "worst", "condition", "95 %", "worst", "weight error", "repr. rank")
+    for name in names:
         table.add_column(name, justify="right")
     for r in found.rows:
         table.add_row(
@@ -140,6 +133,8 @@ def _table(found: AnalysisSummary) -> Table:
             str(r.rank_worst),
             _number(r.condition_median),
             _number(r.condition_most),
+            _number(r.condition_worst),
+            "-" if r.weight_error is None else f"{r.weight_error:.2f}",
             str(r.representative_rank),
         )
     return table

@@ -35,6 +35,13 @@ class Convention(StrEnum):
     debevec_angular = "debevec-angular"
 
 
+class BasisName(StrEnum):
+    """The generic bases."""
+
+    paper = "paper"
+    extended = "extended"
+
+
 def use_threads(count: int | None) -> None:
     """Set the size of the core's thread pool; it is made when first used."""
     if count is not None:

@@ -5,9 +5,10 @@
 from .folder import SCHEMA_VERSION, is_material_folder, read_material, whole_folder, write_material
 from .maps import MaterialMaps, expected_error, material_maps, normal_albedo
 from .material import BasisRecord, Material
-from .trust import ErrorModel, confidence_of, dense, features, neighbourhood_of_windows
+from .trust import LEAST, ErrorModel, confidence_of, dense, features, neighbourhood_of_windows
 
 __all__ = [
+    "LEAST",
     "SCHEMA_VERSION",
     "BasisRecord",
     "ErrorModel",

@@ -79,6 +79,7 @@ def read_material(folder: str | PathLike[str]) -> Material:
         n = int(head["n"])
         penalties, solver, inputs = dict(head["penalties"]), dict(head["solver"]), dict(head["inputs"])
         # Materials of before it was there have none.
+        spread = np.array(head["spread"], dtype=np.float64) if head.get("spread") else None
         trust = ErrorModel.from_dict(head["trust"], len(representatives)) if head.get("trust") else None
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise InputError(
@@ -110,6 +111,7 @@ def read_material(folder: str | PathLike[str]) -> Material:
         penalties=penalties,
         solver=solver,
         trust=trust,
+        spread=spread,
         inputs=inputs,
     )
     material.check(folder)
@@ -247,6 +249,7 @@ def _as_json(m: Material) -> str:
         "penalties": m.penalties,
         "solver": m.solver,
         "trust": m.trust.as_dict() if m.trust else None,
+        "spread": m.spread,
         "inputs": m.inputs,
     }
     return json.dumps(_plain(head), sort_keys=True, allow_nan=False) + "\n"

@@ -13,9 +13,9 @@ They are summaries; the material itself is the blend of representatives.
   sharpest lobe however faint; matching second moments, the widest.
 - ``tau``: with weights c0, c1 of the kernels of Fresnel exponent above 0 and 0 summed (tau = 0 and 1 in
   Eq. 11), it is c1 / (c0 + c1): reflectance at normal incidence over that at grazing.
-- ``expected_error``: relative error to expect in a view or light that was not measured (trust.py).
-- ``confidence``: 1 / (1 + (expected error / 0.1)^2); 0 where no view saw the texel. A material without an
-  error model, from a single photograph, has the residual in the expected error's place: a lower bound.
+- ``expected_error``: relative error to expect in a view that was not taken (trust.py); 1 where nothing is
+  known of it: no view saw the texel, or a single photograph left none to hold out.
+- ``confidence``: 1 / (1 + (expected error / 0.1)^2); 0 where nothing is known.
 
 Energies e_j are luminances times the cosine-weighted mean of (1 - cos)^p, 2 / ((p + 1) (p + 2)). Roughness
 and tau are 0 where nothing is specular, the residual where nothing was measured; off the atlas all maps are
@@ -97,7 +97,7 @@ def maps_in_bands(material: Material) -> Iterator[MaterialMaps]:
             residual=residual.astype(np.float32),
             coverage=m.coverage[rows],
             expected_error=error.astype(np.float32),
-            confidence=np.where(m.coverage[rows] > 0, confidence_of(error), 0).astype(np.float32),
+            confidence=np.where(error < 1, confidence_of(error), 0).astype(np.float32) * atlas,
         )
 
 
@@ -113,7 +113,9 @@ def expected_error(m: Material, stride: int = 1) -> F32:
 
 
 def _expected_error(m: Material, start: int, stop: int) -> F64:
-    """Expected relative error [stop - start, W] of some rows; 0 where no view sees a texel."""
+    """Expected relative error [stop - start, W] of some rows: 1 where nothing is known, 0 off the atlas."""
+    if m.trust is None:
+        return (m.coverage[start:stop] >= 0).astype(np.float64)
     # A row more on either side, for neighbours.
     low, high = max(0, start - 1), min(m.coverage.shape[0], stop + 1)
     rows, own = slice(low, high), slice(start - low, stop - low)
@@ -121,8 +123,6 @@ def _expected_error(m: Material, start: int, stop: int) -> F64:
     seen = coverage > 0
     residual = np.where(seen, m.residual[rows], 0).astype(np.float32)
     residual = np.where(np.isfinite(residual), residual, 0)
-    if m.trust is None:
-        return np.asarray(residual[own], np.float64)
     weights = dense(m.index[rows], m.weight[rows], m.N)
     appearance = weights @ m.trust.appearance.astype(np.float32)
     around, change = neighbourhood(appearance, residual, coverage)
@@ -137,8 +137,8 @@ def _expected_error(m: Material, start: int, stop: int) -> F64:
         weights[own][at].astype(np.float64),
         m.n,
     )
-    found = np.zeros(coverage[own].shape)
-    found[at] = m.trust.expected(f)
+    found = (coverage[own] >= 0).astype(np.float64)
+    found[at] = np.minimum(m.trust.expected(f), 1)
     return found
 
 

@@ -72,6 +72,9 @@ class Material:
     """Status, history and options of the solver, as JSON holds them."""
     trust: ErrorModel | None = None
     """What error to expect of a texel; None where no texel had two views to learn it from."""
+    spread: F64 | None = None
+    """[N] relative standard deviation of each representative's response, from the noise of the measurements:
+    the others, and the blends, taken as known. None where nobody said."""
     inputs: Mapping[str, Any] = field(default_factory=dict)
     """Fingerprints of what the material was made from."""
 
@@ -138,6 +141,8 @@ def _check_shapes(m: Material, file: str | PathLike[str] | None) -> None:
         "normals": m.vertices.shape,
         "uv": (len(m.vertices), 2),
     }
+    if m.spread is not None:
+        expected["spread"] = (m.N,)
     for name, shape in expected.items():
         if getattr(m, name).shape != shape:
             raise InputError(f"{name} has shape {getattr(m, name).shape}", file=file, expected=str(shape))

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Swatchwork contributors
 # SPDX-License-Identifier: MIT
-"""What error to expect of a texel in views and light that were not measured, from what is known of it.
+"""What error to expect of a texel in a view that was not taken, from what is known of it.
 
 The model is log-linear, log e = c . f(texel), of features that a material holds for every texel: its residual
 and that around it, how much the blend changes from pixel to pixel, how bright the blend is, how many views
@@ -37,10 +37,8 @@ class ErrorModel:
     spread: F64
     """[F]"""
     coefficients: F64
-    """[F + 1], of the standardised features and 1; e is then the root mean square that was met."""
-    representatives: F64
-    """[N] relative standard deviation of each representative's response, from the noise of the measurements
-    alone: the others taken as known."""
+    """[F + 1], of the standardised features and 1; squares add up to those met, but for the hundredth that is
+    largest: highlights that the view left out has and the others lack."""
     held_out: int
     """Measurements it was learnt from."""
 
@@ -56,7 +54,6 @@ class ErrorModel:
             "mean": self.mean.tolist(),
             "spread": self.spread.tolist(),
             "coefficients": self.coefficients.tolist(),
-            "representatives": self.representatives.tolist(),
             "held_out": self.held_out,
         }
 
@@ -68,7 +65,6 @@ class ErrorModel:
             "mean": (5 + N,),
             "spread": (5 + N,),
             "coefficients": (6 + N,),
-            "representatives": (N,),
         }
         arrays = {name: np.array(found[name], dtype=np.float64) for name in shapes}
         for name, shape in shapes.items():

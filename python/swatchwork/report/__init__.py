@@ -10,6 +10,7 @@ from pathlib import Path
 
 from ..errors import OutputError
 from .curves import curve_plot
+from .html import Html
 from .model import Comparison, Figure, Picture, Report, StageCost, Trial
 from .page import render_page
 from .pictures import blend_colours, crop_box, display, exposure_for, heat, relative_error, shrink
@@ -18,6 +19,7 @@ from .sheet import Section, Sheet, render_sheet
 __all__ = [
     "Comparison",
     "Figure",
+    "Html",
     "Picture",
     "Report",
     "Section",

@@ -162,7 +162,7 @@ def _blend(r: Report) -> Html | None:
     intro = "The surface laid flat. First, which material is where, in the colours of the dots above"
     intro += "; then, how many photographs saw each point." if r.coverage is not None else "."
     if r.trust is not None:
-        intro += " Last, the error to expect of each point in a view or light that was not photographed: "
+        intro += " Last, the error to expect of each point in a view that was not photographed: "
         intro += "learnt from points blended anew without one of their photographs."
     if r.blend_map is None:
         intro = "The surface laid flat: how many photographs saw each point."

@@ -52,7 +52,7 @@ def _section(experiment: Experiment, found: Any, setting: Setting) -> str:
         + (" --captures CAPTURES" if setting.captures else "")
         + (" --quick" if setting.quick else "")
     )
-    commit = f", commit {found['commit']}" if found["commit"] else ""
+    commit = f", commit {found['commit']}" if found.get("commit") else ""
     command = f"`swatchwork reproduce {experiment.name}{options} -o DIR`{commit}\n"
     parts = [f"## {experiment.title}\n", command]
     parts.append(experiment.how + "\n")

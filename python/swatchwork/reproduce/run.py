@@ -90,7 +90,6 @@ def reproduce(
         raise InputError("holds no captures", file=at, expected="folders with a test/transforms.json each")
     setting = Setting(given, folder, quick, at, code=digest_of_the_package())
     _agree(setting)
-    found: dict[str, Figures] = {}
     with progress.stage("Experiments", sum(e.minutes for e in chosen)) as task:
         for experiment in chosen:
             task.describe(experiment.title)
@@ -101,10 +100,7 @@ def reproduce(
                 made = {"code": setting.code, "commit": _commit(), "figures": figures}
                 write_whole(file, json.dumps(made | {"seconds": sum(own.spent)}, indent=1) + "\n")
             task.advance(experiment.minutes)
-    for experiment in EXPERIMENTS:
-        file = folder / f"{experiment.name}.json"
-        if file.exists():
-            found[experiment.name] = json.loads(file.read_text(encoding="utf-8"))
+    found = {e.name: f for e in EXPERIMENTS if (f := _readable(e, folder)) is not None}
     for experiment in EXPERIMENTS:
         if experiment.name in found:
             for plot in experiment.plots(found[experiment.name]["figures"]):
@@ -160,18 +156,40 @@ def _agree(setting: Setting) -> None:
 
 
 def _finished(file: Path, code: str) -> bool:
-    """Whether this code has made an experiment's figures; or other code did."""
-    return file.exists() and json.loads(file.read_text(encoding="utf-8"))["code"] == code
+    """Whether this code has made an experiment's figures."""
+    return file.exists() and json.loads(file.read_text(encoding="utf-8")).get("code") == code
+
+
+def _readable(experiment: Experiment, folder: Path) -> Figures | None:
+    """An experiment's figures, if there are any; those of other code if its claims can be made of them."""
+    file = folder / f"{experiment.name}.json"
+    if not file.exists():
+        return None
+    found: Figures = json.loads(file.read_text(encoding="utf-8"))
+    if found.get("code") != digest_of_the_package():
+        try:
+            experiment.claims(found["figures"]), experiment.tables(found["figures"])
+        except (KeyError, IndexError, TypeError, ValueError, AttributeError):
+            return None
+    return found
 
 
 def _commit() -> str:
     """The commit of the checkout that the package runs from, if it does."""
-    command = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty", "--exclude=*"]
-    try:
-        found = subprocess.run(command, capture_output=True, text=True, timeout=10, check=False)
-    except (OSError, subprocess.TimeoutExpired):
+    here = Path(__file__)
+
+    def git(*words: str) -> str | None:
+        command = ["git", "-C", str(here.parent), *words]
+        try:
+            found = subprocess.run(command, capture_output=True, text=True, timeout=10, check=False)
+        except (OSError, subprocess.TimeoutExpired):
+            return None
+        return found.stdout.strip() if found.returncode == 0 else None
+
+    # An environment inside somebody's own repository is not that repository's.
+    if git("ls-files", "--error-unmatch", here.name) is None:
         return ""
-    return found.stdout.strip() if found.returncode == 0 else ""
+    return git("describe", "--always", "--dirty", "--exclude=*") or ""
 
 
 def _digest_of(captures: Path | None) -> str:

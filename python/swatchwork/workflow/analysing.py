@@ -32,18 +32,18 @@ from ..light import Environment
 from ..observe import Lights
 from ..progress import SILENT, Progress
 from ..reflectance import basis_by_name
-from ..report import Figure, Section, Sheet, curve_plot, write_sheet
+from ..report import Figure, Picture, Section, Sheet, curve_plot, write_sheet
 from ..simulate import random_directions
 from .planning import CANDIDATES
 from .relighting import rotation_matrix
-from .scenes import Object, candidate_directions, object_of, object_of_capture
+from .scenes import Object, candidate_directions, object_of, object_of_capture, overview
 
 Arrangement = Literal["random", "uniform", "planned"]
 COUNTS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 15, 20, 25, 30, 40, 50, 60, 80, 100)
 SHARE = 0.95
 """Of the points that some view sees; the worst of all is often a crease that two views graze."""
-GOOD = 50.0
-"""Condition number (n = 4) up to which 2 % of noise moves a weight by less than the whole."""
+GOOD = 0.25
+"""Standard deviation of a blend weight, from the noise, that 95 % of the points should stay below."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,10 @@ class ViewsRow:
     rank_worst: int
     condition_median: float | None
     condition_most: float | None
-    """That 95 % of the points stay below; None where fewer have the rank."""
+    """That 95 % of the points stay below; None where fewer have n - 1 views."""
+    condition_worst: float | None
+    weight_error: float | None
+    """Standard deviation of a blend weight, from the noise, that 95 % of the points stay below."""
     representative_rank: int
 
 
@@ -95,15 +98,17 @@ class AnalysisSummary:
 
     def in_words(self) -> str:
         """A line for a person."""
-        enough = [r.k for r in self.rows if r.condition_most is not None and r.condition_most <= GOOD]
+        enough = [r.k for r in self.rows if r.weight_error is not None and r.weight_error <= GOOD]
         last = self.rows[-1]
+        noise = f"{100 * self.noise:g} % of noise"
         if enough:
-            text = f"{enough[0]} views hold 95 % of the surface below a condition number of {GOOD:.0f}"
-        elif last.condition_most is not None:
-            most = f"{last.condition_most:.0f}"
-            text = f"{last.k} views hold 95 % of the surface below a condition number of {most}"
+            text = f"with {enough[0]} views {noise} moves blend weights by less than {GOOD:g}"
+        elif last.weight_error is not None:
+            text = f"with {last.k} views {noise} moves blend weights by up to {last.weight_error:.2g}"
         else:
-            text = f"with {last.k} views more than 5 % of the surface lacks the rank for n = {self.blended}"
+            text = f"with {last.k} views more than 5 % of the points are in fewer than {self.blended - 1}"
+        if last.weight_error is not None:
+            text += f" at 95 % of what is seen (n = {self.blended})"
         text += f"; representative rank {last.representative_rank} of {self.kernels}"
         if self.unseen > 0.005:
             text += f"; {100 * self.unseen:.1f} % of the surface is in no view"
@@ -119,10 +124,10 @@ def analyze_views(
     names: Sequence[str] = (),
     directional: bool = False,
     rotations: int = 1,
-    arrangement: Arrangement = "random",
+    arrangement: Arrangement | None = None,
     views: int | None = None,
     occluders: Sequence[str | PathLike[str]] = (),
-    basis: str = "paper",
+    basis: str = "extended",
     noise: float = NOISE,
     blended: int = BLENDED,
     seed: int = 0,
@@ -137,7 +142,7 @@ def analyze_views(
             random directional light a view (``directional``).
         names: of the environments, for the table that compares them.
         rotations: each environment at so many angles about z: which suits the object best.
-        arrangement: where the views of a mesh are; ``planned`` by next best view.
+        arrangement: where the views of a mesh are, random by default; ``planned`` by next best view.
         views: at most so many; the capture's own number, or 20.
         noise: relative noise of a measurement: the tolerance of the ranks.
         blended: n, whose (n - 1)th singular value the condition number is taken at.
@@ -158,6 +163,10 @@ def analyze_views(
     counts = [k for k in COUNTS if k < frames] + [frames]
     found = conditioning(seen, generic, counts, noise, blended, progress)
     rows = tuple(_row(found, i) for i in range(len(counts)))
+    if not environments and rotations > 1:
+        if directional:
+            raise InputError("--rotations of a directional light", expected="an environment")
+        environments, names = _own_light(seen), ["the capture's light"]
     lights = _lights(seen, generic.name, environments, names, rotations, noise, blended, progress)
     summary = AnalysisSummary(
         thing.name,
@@ -173,7 +182,7 @@ def analyze_views(
         time.perf_counter() - start,
     )
     if page is not None:
-        write_sheet(Path(page), _sheet(summary, found))
+        write_sheet(Path(page), _sheet(summary, found, thing))
     return summary
 
 
@@ -183,17 +192,27 @@ def _views(
     shape: str | None,
     environments: Sequence[Environment],
     directional: bool,
-    arrangement: Arrangement,
+    arrangement: Arrangement | None,
     views: int | None,
     occluders: Sequence[str | PathLike[str]],
     seed: int,
     progress: Progress,
 ) -> tuple[Views, Object, int]:
     """The views to analyse, their object, and how many."""
+    if mesh is not None and shape is not None:
+        raise InputError("--mesh and --shape are given", expected="one of them")
+    if directional and environments:
+        raise InputError("--directional and --environment are given", expected="one of them")
     if capture is not None:
-        if mesh is not None or shape is not None or directional:
+        if mesh is not None or shape is not None or directional or occluders:
             raise InputError(
                 "a capture and an object are given", expected="a capture, or --mesh or --shape with a light"
+            )
+        if arrangement is not None:
+            raise InputError(
+                "--arrangement is given with a capture",
+                expected="its own views",
+                hint="`swatchwork plan --have` suggests more",
             )
         whole = read_capture(capture, require_images=False)
         read = whole.first(views) if views is not None else whole
@@ -213,7 +232,7 @@ def _views(
         raise InputError(
             "no light is given", expected="--environment FILE --convention NAME, or --directional"
         )
-    directions = _directions(thing, arrangement, k, light, seed, progress)
+    directions = _directions(thing, arrangement or "random", k, light, seed, progress)
     cameras = [thing.camera(d, 1024, 4.0) for d in directions]
     return Views.of(thing.scene, thing.points, cameras, light, thing.sky), thing, k
 
@@ -252,6 +271,8 @@ def _row(found: Conditioning, i: int) -> ViewsRow:
         int(ranks.min()) if len(ranks) else 0,
         _quantile(conditions, 0.5),
         _quantile(conditions, SHARE),
+        _quantile(conditions, 1.0),
+        _quantile(found.weight_errors[i][ever], SHARE),
         int(found.representative_ranks[i]),
     )
 
@@ -262,6 +283,15 @@ def _quantile(values: F64, share: float) -> float | None:
         return None
     found = float(np.quantile(values, share, method="higher"))
     return found if np.isfinite(found) else None
+
+
+def _own_light(seen: Views) -> list[Environment]:
+    """The one light of a capture; InputError where its frames have several, or one that turns."""
+    lights = seen.lights
+    assert isinstance(lights, Lights)
+    if len(list(lights.groups())) > 1:
+        raise InputError("--rotations: the light differs between frames", expected="--environment FILE")
+    return [lights.of(0)]
 
 
 def _lights(
@@ -297,7 +327,7 @@ def _worse(row: LightRow) -> tuple[float, float]:
     return most, np.inf if row.condition_median is None else row.condition_median
 
 
-def _sheet(summary: AnalysisSummary, found: Conditioning) -> Sheet:
+def _sheet(summary: AnalysisSummary, found: Conditioning, thing: Object) -> Sheet:
     ks = [float(r.k) for r in summary.rows]
 
     def curve(name: str) -> list[tuple[float, float]]:
@@ -338,6 +368,8 @@ def _sheet(summary: AnalysisSummary, found: Conditioning) -> Sheet:
             f"{r.rank_median:g}, {r.rank_worst}",
             _number(r.condition_median),
             _number(r.condition_most),
+            _number(r.condition_worst),
+            "none" if r.weight_error is None else f"{r.weight_error:.2f}",
             str(r.representative_rank),
         )
         for r in summary.rows
@@ -348,18 +380,28 @@ def _sheet(summary: AnalysisSummary, found: Conditioning) -> Sheet:
             "Blends",
             f"The blend of a point needs rank {summary.blended - 1} for n = {summary.blended}; the condition "
             "number tells how much noise grows on its way into the weights.",
+            (_map(found, thing),),
             plots=tuple(p for p in (condition, ranks) if p),
         ),
         Section(
             "Representatives",
-            f"All points together, {summary.kernels} kernels a channel. What is below the noise "
-            f"({100 * summary.noise:g} % of the largest) is not told apart; non-negative weights and the "
-            "sparse blend have to make up for it.",
+            f"All points together, {summary.kernels} kernels a channel. Beyond the rank, "
+            f"{100 * summary.noise:g} % of noise drowns what tells kernels apart; non-negative weights and "
+            "the sparse blend have to make up for it.",
             plots=(spectrum,) if spectrum else (),
         ),
         Section(
             "Figures",
-            head=("k", "seen %", "rank: median, worst", "condition: median", "95 %", "representative rank"),
+            head=(
+                "k",
+                "seen %",
+                "rank: median, worst",
+                "condition: median",
+                "95 %",
+                "worst",
+                "weight error",
+                "representative rank",
+            ),
             rows=rows,
         ),
     ]
@@ -386,13 +428,20 @@ def _sheet(summary: AnalysisSummary, found: Conditioning) -> Sheet:
         summary=sentence[0].upper() + sentence[1:] + ".",
         figures=(
             Figure(str(last.k), "views"),
-            Figure(_number(last.condition_most), "condition number", "95 % of the surface is below"),
+            Figure(_number(last.condition_most), "condition number", "95 % of what is seen is below"),
             Figure(f"{last.representative_rank} of {summary.kernels}", "representative rank"),
             Figure(f"{100 * summary.unseen:.1f} %", "of the surface is in no view"),
         ),
         sections=tuple(sections),
         version=version("swatchwork"),
     )
+
+
+def _map(found: Conditioning, thing: Object) -> Picture:
+    """Each point's weight error with all views."""
+    error = np.minimum(found.weight_errors[-1], 1.0)
+    pixels = overview(thing, np.where(np.isfinite(error), error, 1.0), 1.0, np.zeros((0, 3)))
+    return Picture("how far noise moves the weights of each point, 0 (dark) to 1 or more (bright)", pixels)
 
 
 def _number(value: float | None) -> str:

@@ -115,8 +115,8 @@ def spheres(
         pixels = np.zeros((*inside.shape, 4), dtype=np.float32)
         pixels[inside, :3], pixels[..., 3] = shaded[:, i] * alpha[inside, None], alpha
         caption = f"{i + 1}: {100 * share[i]:.0f} % of the surface"
-        if material.trust is not None:
-            caption += f", known to {100 * material.trust.representatives[i]:.1f} %"
+        if material.spread is not None:
+            caption += f", known to {100 * material.spread[i]:.1f} %"
         pictures.append(page.Picture(caption, page.display(pixels[..., :3], pixels[..., 3], exposure)))
     return tuple(pictures)
 
@@ -155,9 +155,9 @@ def trust_picture(material: Material) -> page.Picture:
     """The error to expect, of a whole material."""
     s = max(1, min(material.coverage.shape) // MAP_PX)
     coverage = material.coverage[::s, ::s]
-    error = np.where(coverage > 0, expected_error(material, s), WORST)
+    error = expected_error(material, s)
     pixels = page.heat(error, coverage >= 0, WORST)
-    caption = f"error to expect in other light, 0 (dark) to {100 * WORST:.0f} % or never seen (bright)"
+    caption = f"error to expect in another view, 0 (dark) to {100 * WORST:.0f} % or never seen (bright)"
     return page.Picture(caption, page.shrink(pixels, MAP_PX), crisp=True)
 
 

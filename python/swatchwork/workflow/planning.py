@@ -16,19 +16,23 @@ import numpy as np
 
 from ..analysis import Criterion, Plan, Prior, Views, next_best_views, prior_of, uniform_views
 from ..arrays import F64, unit
-from ..capture import Camera, Capture, Frame, read_capture, write_capture
+from ..capture import Camera, Capture, EnvironmentSource, Frame, read_capture, write_capture, write_exr
 from ..errors import InputError, OutputError
 from ..light import Environment, read_environment
+from ..observe import Lights
 from ..progress import SILENT, Progress
-from ..reflectance import paper
-from ..report import Figure, Picture, Section, Sheet, curve_plot, write_sheet
+from ..reflectance import basis_by_name
+from ..report import Figure, Html, Picture, Section, Sheet, curve_plot, write_sheet
 from ..simulate import random_directions
+from ..surface import write_mesh_obj
 from .scenes import Object, candidate_directions, object_of, overview
 
 CANDIDATES = 150
 POINTS = 600
 MOST = 60
 """Views at most, where a condition number is to be reached."""
+MOST_CANDIDATES = 500
+"""And views at hand: their correlations take 4 bytes a point and pair of them, 0.6 GB."""
 RANDOM_TRIALS = 5
 
 
@@ -82,13 +86,14 @@ def plan_views(
     distance: float = 4.0,
     size: int = 1024,
     candidates: int = CANDIDATES,
+    basis: str = "extended",
     seed: int = 0,
     progress: Progress = SILENT,
 ) -> PlanSummary:
     """Suggest where to photograph an object from.
 
     Args:
-        output: folder of transforms.json (cameras without photographs) and plan.html.
+        output: folder of transforms.json (cameras without photographs), mesh.obj, env.exr, plan.html.
         mesh: the object, or ``shape``; by default the one that ``have`` names.
         environment: the light; by default the first frame's of ``have``.
         views: how many more; or ``condition``, the number that 95 % of the surface is to stay below, at which
@@ -105,6 +110,7 @@ def plan_views(
     """
     start = time.perf_counter()
     _check(views, condition, lowest_degrees, distance, candidates)
+    _free(Path(output), have)
     taken = read_capture(have, require_images=False) if have is not None else None
     thing, light = _given(mesh, shape, environment, taken, occluders, seed)
     at_hand = [frame.camera for frame in taken.frames] if taken else []
@@ -112,12 +118,19 @@ def plan_views(
         away = [np.linalg.norm(camera.position - thing.centre) for camera in at_hand]
         distance = float(np.median(away)) / thing.radius
     directions = candidate_directions(candidates, lowest_degrees)
+    if len(directions) < (views or 2) or len(directions) + len(at_hand) > MOST_CANDIDATES:
+        raise InputError(
+            f"{len(directions)} candidate views and {len(at_hand)} at hand",
+            expected=f"at least the {views or 2} asked for, and at most {MOST_CANDIDATES} with those at hand",
+            hint="Change --candidates, or lower --lowest",
+        )
     cameras = [thing.camera(d, size, distance) for d in directions]
     cameras = [_like(camera, at_hand[0]) for camera in cameras] if at_hand else cameras
     V = len(cameras)
     with progress.stage("Casting rays"):
-        seen_by = Views.of(thing.scene, thing.points, [*cameras, *at_hand], light, thing.sky)
-    prior = prior_of(seen_by, paper(), progress)
+        lights = _lights_of(light, V, taken)
+        seen_by = Views.of(thing.scene, thing.points, [*cameras, *at_hand], lights, thing.sky)
+    prior = prior_of(seen_by, basis_by_name(basis), progress)
     own, before = list(range(V)), list(range(V, V + len(at_hand)))
     most = views if views is not None else MOST
     found = next_best_views(
@@ -136,7 +149,7 @@ def plan_views(
         )
     chosen = [cameras[v] for v in found.chosen]
     folder = Path(output)
-    file = _write_cameras(folder, chosen)
+    file = _write(folder, chosen, thing, light)
     others = _others(prior, directions, V, before, len(found.chosen), seed)
     page = folder / "plan.html"
     taken_directions = unit(np.stack([c.position for c in at_hand]) - thing.centre) if at_hand else None
@@ -170,8 +183,8 @@ def _check(
         raise InputError(f"--views is {views}", expected="1 or more")
     if condition is not None and not condition >= 1:
         raise InputError(f"--condition is {condition:g}", expected="1 or more, such as 30")
-    if not -90 <= lowest < 90:
-        raise InputError(f"--lowest is {lowest:g}", expected="degrees of elevation from -90 to below 90")
+    if not -90 <= lowest <= 85:
+        raise InputError(f"--lowest is {lowest:g}", expected="degrees of elevation from -90 to 85")
     if not distance > 1.05:
         raise InputError(f"--distance is {distance:g}", expected="more than 1.05 radii of the object")
     if candidates < 2:
@@ -201,6 +214,39 @@ def _given(
     return thing, environment
 
 
+def _free(folder: Path, have: str | PathLike[str] | None) -> None:
+    """Refuse a folder whose transforms.json is somebody's photographs."""
+    file = folder / "transforms.json"
+    mine = (folder / "plan.html").exists()
+    same = have is not None and file.exists() and file.samefile(_file_of(have))
+    if same or (file.exists() and not mine):
+        raise InputError(
+            "holds a transforms.json that is not a plan",
+            file=folder,
+            expected="a new folder, or that of an earlier plan",
+            hint="Nothing was written: choose another --output",
+        )
+
+
+def _file_of(have: str | PathLike[str]) -> Path:
+    path = Path(have)
+    return path / "transforms.json" if path.is_dir() else path
+
+
+def _lights_of(light: Environment, V: int, taken: Capture | None) -> Lights:
+    """The light of the candidates, then that of each photograph at hand."""
+    still = np.broadcast_to(np.eye(3), (V, 3, 3))
+    of_all = np.zeros(V, np.int32)
+    if taken is None:
+        return Lights((light,), of_all, still.copy())
+    own = Lights.of_capture(taken)
+    return Lights(
+        (light, *own.environments),
+        np.concatenate([of_all, own.of_frame + 1]).astype(np.int32),
+        np.concatenate([still, own.turn]),
+    )
+
+
 def _like(camera: Camera, other: Camera) -> Camera:
     """A camera's pose with another's lens."""
     return Camera(
@@ -218,8 +264,9 @@ def _like(camera: Camera, other: Camera) -> Camera:
     )
 
 
-def _write_cameras(folder: Path, cameras: Sequence[Camera]) -> Path:
-    names = [f"images/{i + 1:04d}.exr" for i in range(len(cameras))]
+def _write(folder: Path, cameras: Sequence[Camera], thing: Object, light: Environment) -> Path:
+    """The cameras with object and light, so that other commands can go on from them."""
+    names = [f"planned/{i + 1:04d}.exr" for i in range(len(cameras))]
     frames = tuple(
         Frame(name, folder / name, None, 1.0, camera, None)
         for name, camera in zip(names, cameras, strict=True)
@@ -228,23 +275,28 @@ def _write_cameras(folder: Path, cameras: Sequence[Camera]) -> Path:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"{folder}: cannot be made ({error.strerror})") from error
-    return write_capture(Capture(folder, folder / "transforms.json", None, (), None, frames), folder)
+    mesh = folder / "mesh.obj"
+    write_mesh_obj(mesh, thing.scene.meshes[0])
+    write_exr(folder / "env.exr", light.radiance)
+    source = EnvironmentSource(folder / "env.exr", light.convention, light.world_from_environment)
+    return write_capture(Capture(folder, folder / "transforms.json", mesh, (), source, frames), folder)
 
 
 def _others(
     prior: Prior, directions: F64, V: int, before: list[int], count: int, seed: int
-) -> dict[str, F64]:
-    """What is left after uniform and after random views from the same candidates (mean of some trials)."""
-    uniform = uniform_views(directions, count)
-    found = {"uniform": next_best_views(prior, 0, have=[*before, *uniform], trace=True).left[len(before) :]}
+) -> dict[str, list[Plan]]:
+    """What uniform and random views from the same candidates bring, view by view."""
+
+    def traced(order: Sequence[int]) -> Plan:
+        return next_best_views(prior, 0, have=[*before, *order], trace=True)
+
     trials = []
     for trial in range(RANDOM_TRIALS):
         d = directions @ random_directions(4 * count, seed + trial).T
         order = list(dict.fromkeys(int(v) for v in d.argmax(axis=0)))[:count]
         order += [v for v in range(V) if v not in order][: count - len(order)]
-        trials.append(next_best_views(prior, 0, have=[*before, *order], trace=True).left[len(before) :])
-    found["random"] = np.mean(trials, axis=0)
-    return found
+        trials.append(traced(order))
+    return {"uniform": [traced([int(v) for v in uniform_views(directions, count)])], "random": trials}
 
 
 def _sheet(
@@ -254,28 +306,27 @@ def _sheet(
     directions: F64,
     before: list[int],
     taken: F64 | None,
-    others: dict[str, F64],
+    others: dict[str, list[Plan]],
 ) -> Sheet:
     chosen = directions[list(found.chosen)]
     k = len(chosen)
     steps = [float(i) for i in range(k + 1)]
-    curves = {"planned": found.left, **others}
-    left = curve_plot(
-        {name: list(zip(steps, 100 * values, strict=True)) for name, values in curves.items()},
-        x_label="new views",
-        y_label="left unknown, %",
-        logarithmic=False,
-    )
-    condition = curve_plot(
-        {"planned": list(zip(steps, found.condition, strict=True))},
-        x_label="new views",
-        y_label="condition number",
-    )
-    coverage = curve_plot(
-        {"planned": list(zip(steps, 100 * found.coverage, strict=True))},
-        x_label="new views",
-        y_label="seen, %",
-        logarithmic=False,
+
+    def curve(of: str, y_label: str, factor: float, logarithmic: bool) -> Html:
+        curves = {"planned": getattr(found, of)}
+        for name, plans in others.items():
+            curves[name] = np.mean([getattr(plan, of)[len(before) :] for plan in plans], axis=0)
+        return curve_plot(
+            {name: list(zip(steps, factor * values, strict=True)) for name, values in curves.items()},
+            x_label="new views",
+            y_label=y_label,
+            logarithmic=logarithmic,
+        )
+
+    plots = (
+        curve("left", "left unknown, %", 100, False),
+        curve("condition", "condition number", 1, True),
+        curve("coverage", "seen, %", 100, False),
     )
     none = np.zeros((0, 3))
     pictures = (
@@ -317,12 +368,12 @@ def _sheet(
             Figure(
                 f"{last:.0f}" if np.isfinite(last) else "none",
                 "condition number",
-                "95 % of the surface is below, n = 4",
+                "95 % of what can be seen is below, n = 4",
             ),
         ),
         sections=(
             Section("Where to stand", "World z is up.", pictures),
-            Section("What each view brings", plots=tuple(p for p in (left, condition, coverage) if p)),
+            Section("What each view brings", plots=tuple(p for p in plots if p)),
             Section(
                 "The views",
                 "Azimuth from +x towards +y, and elevation, in degrees, about the object's centre.",

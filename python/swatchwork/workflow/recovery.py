@@ -18,7 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from ..analysis import fit_error_model
+from ..analysis import fit_error_model, spread_of_representatives
+from ..arrays import F64
 from ..capture import Capture, read_capture
 from ..errors import CaptureWarning
 from ..material import BasisRecord, ErrorModel, Material, normal_albedo, whole_folder, write_material
@@ -134,11 +135,10 @@ def recover(
             found = reconstruct(capture, options, costs, keeper)
             resumed = bool(keeper.resumed)
             with costs.stage("trust"):
-                trust = fit_error_model(
-                    found.rendering, found.basis, found.solution, found.blend, options.solve.seed
-                )
+                learnt = found.rendering, found.basis, found.solution, found.blend, options.solve.seed
+                trust, spread = fit_error_model(*learnt), spread_of_representatives(*learnt)
             with costs.stage("write"):
-                material = material_of(found, prints, trust)
+                material = material_of(found, prints, trust, spread)
                 warn_of_bright_materials(material, capture)
                 summary = summarise(found, capture, output, start, costs.costs, resumed)
                 report = reconstruction_report(found, capture, material, costs.costs, said, summary.as_dict())
@@ -182,7 +182,12 @@ def collected_warnings() -> Iterator[list[str]]:
         yield said
 
 
-def material_of(found: Reconstruction, prints: dict[str, str], trust: ErrorModel | None = None) -> Material:
+def material_of(
+    found: Reconstruction,
+    prints: dict[str, str],
+    trust: ErrorModel | None = None,
+    spread: F64 | None = None,
+) -> Material:
     """The reconstruction as images over the atlas; gutters repeat their nearest texel, for filters."""
     atlas, basis, solution = found.observations.atlas, found.basis, found.solution
     assert found.mesh.uv is not None, "the atlas was made from them"
@@ -209,6 +214,7 @@ def material_of(found: Reconstruction, prints: dict[str, str], trust: ErrorModel
         penalties={"lambda0": solution.lambda0, "lambda1": solution.lambda1},
         solver=solution.summary() | {"weighting": found.rendering.weighting},
         trust=trust,
+        spread=spread,
         inputs=prints,
     )
 
