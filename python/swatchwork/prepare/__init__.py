@@ -1,3 +1,27 @@
 # SPDX-FileCopyrightText: Swatchwork contributors
 # SPDX-License-Identifier: MIT
 """Prepare: from what a camera wrote to a capture (paper, section 6)."""
+
+from .exposure import REFERENCE, Exposure, exposures_of
+from .linearize import Linearized, LinearizeOptions, LinearView, linearize
+from .raw import Colour, WhiteBalance
+from .response_curve import Method, Response, given_response, recover_response
+from .views import photographs_in, views_of
+
+__all__ = [
+    "REFERENCE",
+    "Colour",
+    "Exposure",
+    "LinearView",
+    "LinearizeOptions",
+    "Linearized",
+    "Method",
+    "Response",
+    "WhiteBalance",
+    "exposures_of",
+    "given_response",
+    "linearize",
+    "photographs_in",
+    "recover_response",
+    "views_of",
+]
