@@ -10,6 +10,7 @@ from typing import Any
 
 import typer
 
+from .prepare_calibrate import calibrate
 from .prepare_linearize import linearize
 
 HELP = """
@@ -18,7 +19,7 @@ From photographs to a capture: linear radiance, camera intrinsics, the light pro
 Each step has a figure of merit and a picture to check by eye.
 """
 
-STEPS: tuple[Callable[..., Any], ...] = (linearize,)
+STEPS: tuple[Callable[..., Any], ...] = (linearize, calibrate)
 """The commands, in the order of use."""
 
 app = typer.Typer(

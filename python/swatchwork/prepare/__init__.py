@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: MIT
 """Prepare: from what a camera wrote to a capture (paper, section 6)."""
 
+from .boards import Board, Charuco, Checkerboard, Sighting, find_board
+from .calibrate import Calibration, calibrate
 from .exposure import REFERENCE, Exposure, exposures_of
 from .linearize import Linearized, LinearizeOptions, LinearView, linearize
 from .raw import Colour, WhiteBalance
@@ -10,6 +12,10 @@ from .views import photographs_in, views_of
 
 __all__ = [
     "REFERENCE",
+    "Board",
+    "Calibration",
+    "Charuco",
+    "Checkerboard",
     "Colour",
     "Exposure",
     "LinearView",
@@ -17,8 +23,11 @@ __all__ = [
     "Linearized",
     "Method",
     "Response",
+    "Sighting",
     "WhiteBalance",
+    "calibrate",
     "exposures_of",
+    "find_board",
     "given_response",
     "linearize",
     "photographs_in",
