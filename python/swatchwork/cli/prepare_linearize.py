@@ -21,13 +21,6 @@ if TYPE_CHECKING:
     from ..prepare import Exposure, WhiteBalance
 
 
-class Fit(StrEnum):
-    """How a response is recovered."""
-
-    debevec = "debevec"
-    robertson = "robertson"
-
-
 class Colours(StrEnum):
     """What primaries RAW files are taken to."""
 
@@ -62,7 +55,6 @@ def linearize(
             help="Of JPEG and PNG: recover (from brackets), srgb, gamma:2.2, or a linearize.json.",
         ),
     ] = "recover",
-    method: Annotated[Fit, typer.Option(help="That recovers it.")] = Fit.debevec,
     white_balance: Annotated[
         str,
         typer.Option(
@@ -104,7 +96,6 @@ def linearize(
             groups=groups,
             exposures=exposures,
             response=response,
-            method="debevec" if method is Fit.debevec else "robertson",
             white_balance=_white_balance(white_balance),
             colour="srgb" if colour is Colours.srgb else "camera",
             reference=_reference(reference),

@@ -7,7 +7,7 @@ from .calibrate import Calibration, calibrate
 from .exposure import REFERENCE, Exposure, exposures_of
 from .linearize import Linearized, LinearizeOptions, LinearView, linearize
 from .raw import Colour, WhiteBalance
-from .response_curve import Method, Response, given_response, recover_response
+from .response_curve import Response, given_response, recover_response
 from .views import photographs_in, views_of
 
 __all__ = [
@@ -21,7 +21,6 @@ __all__ = [
     "LinearView",
     "LinearizeOptions",
     "Linearized",
-    "Method",
     "Response",
     "Sighting",
     "WhiteBalance",

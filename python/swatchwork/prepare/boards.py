@@ -16,7 +16,7 @@ from ..errors import InputError
 
 SEARCHED_PX = 1600
 """A checkerboard is searched for in a picture no longer than this, and refined in the whole one."""
-WINDOW = .5
+WINDOW = 0.5
 """Half side of the window a corner is refined in, over the distance of its nearest neighbour."""
 FEWEST_CORNERS = 8
 """Of a ChArUco board in part; a pose takes four, and chance finds of a marker are worth less than none."""

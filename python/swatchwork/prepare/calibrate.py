@@ -28,9 +28,14 @@ FEWEST = 3
 """Photographs: each gives two equations for the five numbers of a camera matrix."""
 CELLS = (10, 8)
 """Columns and rows of the grid whose cells with a corner are the coverage."""
-ENOUGH_COVERAGE = 0.6
+ENOUGH_COVERAGE = 0.5
 OUTLIER = 2.0
 """An image whose rms is that many times the median one: a blurred or bent board, or a wrong corner."""
+PARALLEL_DEGREES = 10.0
+"""Boards nearly parallel say the same of the camera (Zhang 2000, section 3.3): the fit would settle anywhere,
+and its own deviations would not tell."""
+NEVER_AN_OUTLIER_PX = 0.2
+"""Rms that is no sign of a bad image, however good the others are."""
 LOOSE = 0.01
 """Standard deviation of a focal length, as a share of it, from which the photographs do not tell it."""
 
@@ -116,6 +121,9 @@ def fit(
         )
     except cv2.error as error:
         raise _undetermined(str(error).strip().splitlines()[-1]) from error
+    turned = _turned(turns)
+    if turned < PARALLEL_DEGREES:
+        raise _undetermined(f"the boards are turned by no more than {turned:.1f} degrees to each other")
     k1, k2, p1, p2 = (float(v) for v in np.ravel(lens)[:4])
     fx, fy, cx, cy = float(K[0, 0]), float(K[1, 1]), float(K[0, 2]), float(K[1, 2])
     if not np.isfinite([fx, fy, cx, cy, k1, k2, p1, p2]).all() or min(fx, fy) <= 0:
@@ -126,7 +134,7 @@ def fit(
         projected, _ = cv2.projectPoints(x, turn, place, K, lens)
         residuals.append(np.asarray(uv - projected, dtype=np.float64).reshape(-1, 2))
     each = tuple(float(v) for v in np.ravel(image_rms))
-    limit = OUTLIER * float(np.median(each))
+    limit = max(OUTLIER * float(np.median(each)), NEVER_AN_OUTLIER_PX)
     loose = tuple(float(v) for v in np.ravel(deviation)[:4])
     return Calibration(
         camera,
@@ -139,6 +147,12 @@ def fit(
         not_found,
         tuple(s.file for s, value in zip(sightings, each, strict=True) if value > limit),
     )
+
+
+def _turned(turns: Sequence[F64]) -> float:
+    """Largest angle between the normals of two boards, in degrees."""
+    normals = np.stack([cv2.Rodrigues(turn)[0][:, 2] for turn in turns])
+    return float(np.degrees(np.arccos(np.clip(normals @ normals.T, -1, 1).min())))
 
 
 def covered(uv_px: F64, size: tuple[int, int]) -> Bool:

@@ -22,7 +22,7 @@ from ..progress import SILENT, Progress
 from .brackets import Merged, Shot, merge
 from .exposure import REFERENCE, Exposure, exposures_of
 from .raw import RAW_SUFFIXES, Colour, WhiteBalance, develop
-from .response_curve import Method, Response, given_response, recover_response
+from .response_curve import Response, given_response, recover_response
 from .views import views_of
 
 CLIP_CODE, DARK_CODE = 250 / 255, 10 / 255
@@ -45,7 +45,6 @@ class LinearizeOptions:
         per_view: photographs a view, in the order given; or ``groups``, a JSON file (`views_of`).
         exposures: table that overrides EXIF (`exposures_of`).
         response: of JPEG and PNG: recover, or as `given_response` reads.
-        method: that recovers it.
         white_balance, colour: of RAW (`develop`); the first file's multipliers serve all.
         reference: exposure whose full scale is radiance 1; the same for photographs and probe.
     """
@@ -54,7 +53,6 @@ class LinearizeOptions:
     groups: Path | None = None
     exposures: Path | None = None
     response: str = "recover"
-    method: Method = "debevec"
     white_balance: WhiteBalance = "daylight"
     colour: Colour = "srgb"
     reference: Exposure = REFERENCE
@@ -249,7 +247,7 @@ def _response(
                         file=file,
                         expected=f"{w} x {h} as {own[0].name} of the same view has",
                     )
-        return recover_response(read, options.method)
+        return recover_response(read)
 
 
 def _eight_bits(file: Path) -> U8:

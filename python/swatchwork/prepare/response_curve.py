@@ -13,7 +13,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import cv2
 import numpy as np
@@ -22,10 +22,8 @@ from ..arrays import F32, F64, U8
 from ..capture import linear_from_srgb
 from ..errors import InputError
 
-Method = Literal["debevec", "robertson"]
-
 SAMPLES = 256
-"""Pixels of a bracket that a response is fitted to (Debevec); 256 unknowns a channel ask for no fewer."""
+"""Pixels of a bracket that a response is fitted to; 256 unknowns a channel ask for no fewer."""
 SMOOTHNESS = 20.0
 """Weight of its second differences: twice OpenCV's, which leaves the ripple of 8 bits in."""
 TRUSTED = slice(13, 243)
@@ -84,13 +82,15 @@ def given_response(text: str) -> Response:
 
 
 def recover_response(
-    brackets: Sequence[tuple[Sequence[U8], Sequence[float]]], method: Method = "debevec"
+    brackets: Sequence[tuple[Sequence[U8], Sequence[float]]],
 ) -> Response:
-    """The response that makes the photographs of each bracket agree.
+    """The response that makes the photographs of each bracket agree (Debevec and Malik 1997, by OpenCV).
+
+    Robertson's method, which OpenCV has too, is no choice here: from four exposures of a synthetic scene at
+    steps of 4 it left waves of 15 % where this leaves 0.3 %.
 
     Args:
         brackets: photographs uint8 [H, W, 3] with the light each took in, at least two different ones.
-        method: Debevec and Malik 1997, or Robertson et al. 1999 (OpenCV's).
 
     Raises:
         InputError: the recovered response falls somewhere.
@@ -98,15 +98,11 @@ def recover_response(
     logs = []
     for pictures, light in brackets:
         times = np.asarray(light, dtype=np.float32) / np.float32(max(light))
-        solver = (
-            cv2.createCalibrateDebevec(samples=SAMPLES, lambda_=SMOOTHNESS, random=False)
-            if method == "debevec"
-            else cv2.createCalibrateRobertson(max_iter=60, threshold=1e-3)
-        )
+        solver = cv2.createCalibrateDebevec(samples=SAMPLES, lambda_=SMOOTHNESS, random=False)
         table = np.asarray(
             solver.process([np.ascontiguousarray(p) for p in pictures], times), dtype=np.float64
         )
-        logs.append(np.log(np.maximum(_at_the_middle(table.reshape(256, 3)), 1e-9)))
+        logs.append(np.log(_at_the_middle(_filled(table.reshape(256, 3)))))
     mean = np.median(logs, axis=0)
     spread = float(np.sqrt(np.mean((np.array(logs) - mean)[:, TRUSTED] ** 2))) if len(logs) > 1 else None
     table = _at_the_middle(np.exp(mean))
@@ -119,7 +115,22 @@ def recover_response(
             hint="Check the exposures and that nothing moved, or give --response srgb, gamma:2.2 or a "
             "linearize.json",
         )
-    return Response(f"recovered:{method}", highest, spread)
+    return Response("recovered", highest, spread)
+
+
+def _filled(table: F64) -> F64:
+    """The table with codes that no pixel has, where the fit says nothing, between their neighbours'."""
+    codes, filled = np.arange(256), np.empty_like(table)
+    for c in range(3):
+        known = np.isfinite(table[:, c]) & (table[:, c] > 0)
+        if np.count_nonzero(known) < 2:
+            raise InputError(
+                "the brackets have too few different codes to recover a response from",
+                expected="photographs with shadows and lights",
+                hint="Give --response srgb, gamma:2.2 or a linearize.json",
+            )
+        filled[:, c] = np.exp(np.interp(codes, codes[known], np.log(table[known, c])))
+    return filled
 
 
 def _at_the_middle(table: F64) -> F64:
