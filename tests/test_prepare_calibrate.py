@@ -113,13 +113,13 @@ def charuco(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 def assert_near_truth(camera: Camera, pixels: float) -> None:
     """Where the found camera sees the directions of the true one's pixels, best turned onto each other."""
-    uv = TRUTH.pixel_centres()[:: 640 * 24 + 24]
+    uv = TRUTH.pixel_centres().reshape(480, 640, 2)[12::24, 16::32].reshape(-1, 2)
     found, true = camera.rays(uv), TRUTH.rays(uv)
     # A turn of the camera is a change of pose, which calibration leaves free.
     u, _, vt = np.linalg.svd(true.T @ found)
     turn = u @ np.diag([1, 1, np.linalg.det(u @ vt)]) @ vt
     angle = np.linalg.norm(found @ turn.T - true, axis=1)
-    assert angle.max() * TRUTH.fx < pixels
+    assert np.sqrt((angle**2).mean()) * TRUTH.fx < pixels
 
 
 def test_corners_of_a_rendered_checkerboard_are_found_where_they_are(checker: list[Path]) -> None:
@@ -142,11 +142,12 @@ def test_known_intrinsics_are_recovered(kind: str, request: pytest.FixtureReques
     camera = found.camera
     assert len(found.sightings) == 10 and not found.not_found and not found.outliers
     # OpenCV refines ChArUco corners in windows that spare the markers: smaller ones.
-    assert found.rms_px < (0.06 if kind == "checker" else 0.12)
+    assert found.rms_px < (0.05 if kind == "checker" else 0.08)
     # Ten boards of 54 corners known to 0.05 px, or some 24 of a ChArUco board to 0.1 px.
     for name, deviation in zip(("fx", "fy", "cx", "cy"), found.deviation_px, strict=True):
-        assert deviation < 1.5
+        assert deviation < 0.8
         assert getattr(camera, name) == pytest.approx(getattr(TRUTH, name), abs=4 * deviation + 0.1)
+    # Borders that no corner came near count too.
     assert_near_truth(camera, 0.3)
 
 

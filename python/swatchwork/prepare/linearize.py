@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,24 +14,17 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from ..arrays import F32, F64, U8
+from ..arrays import F32
 from ..capture import write_exr_channels
-from ..capture.images import read_coded
 from ..errors import CaptureWarning, InputError
 from ..progress import SILENT, Progress
-from .brackets import Merged, Shot, merge
+from .brackets import Merged, merge
 from .exposure import REFERENCE, Exposure, exposures_of
-from .raw import RAW_SUFFIXES, Colour, WhiteBalance, develop
-from .response_curve import Response, given_response, recover_response
+from .raw import RAW_SUFFIXES, Colour, WhiteBalance
+from .response_curve import Response, given_response
+from .shots import CodedShots, RawSettings, RawShots, recovered_from, shots_of
 from .views import views_of
 
-CLIP_CODE, DARK_CODE = 250 / 255, 10 / 255
-"""Codes of JPEG and PNG, as shares of the largest, from which a pixel counts as saturated, and below which as
-dark: compression moves codes by a few, and at the dark end one is a tenth of the light."""
-DARK_RAW = 1 / 512
-"""The same for RAW, as a share of the white level: eight steps of a sensor's 12 bits."""
-FITTED_TO = 6
-"""Brackets at most that a response is recovered from."""
 WRONG_STEP = 1.2
 """Factor between photographs of a view, after their exposures, worth a warning: shutters keep to 5 %."""
 THUMBNAIL_PX = 240
@@ -86,16 +79,6 @@ class LinearView:
 
 
 @dataclass(frozen=True, eq=False)
-class RawSettings:
-    """How RAW files were developed: multipliers (green 1), matrix to linear sRGB, levels of the first."""
-
-    white_balance: tuple[float, float, float]
-    matrix: F64 | None
-    black: tuple[int, ...]
-    white: int
-
-
-@dataclass(frozen=True, eq=False)
 class Linearized:
     """All views, and what was done to them; ``response`` or ``raw`` is None, by the kind of file."""
 
@@ -139,124 +122,28 @@ def linearize(
                 hint="Their EXIF may be wrong: give --exposures FILE; or --per-view 1",
             )
     is_raw = files[0].suffix.lower() in RAW_SUFFIXES
-    source = _Raw(options) if is_raw else _Coded(_response(views, exposures, options, progress))
+    source: RawShots | CodedShots
+    if is_raw:
+        source = RawShots(options.white_balance, options.colour)
+    elif options.response == "recover":
+        with progress.stage("Recovering the response"):
+            source = CodedShots(recovered_from(views, exposures))
+    else:
+        source = CodedShots(given_response(options.response))
     written = []
     with progress.stage("Merging", len(files)) as task:
         for name, own in views.items():
             task.describe(name)
             light = [exposures[f].light / options.reference.light for f in own]
-            merged = merge(_of_one_size(own, light, source))
+            merged = merge(shots_of(own, light, source))
             task.advance(len(own))
             _write(folder / f"{name}.exr", merged)
             _warn(name, own, merged)
             written.append(_view(name, own, [exposures[f] for f in own], merged))
-    response = source.response if isinstance(source, _Coded) else None
+    response = source.response if isinstance(source, CodedShots) else None
     return Linearized(
-        tuple(written), options.reference, response, source.settings if isinstance(source, _Raw) else None
+        tuple(written), options.reference, response, source.settings if isinstance(source, RawShots) else None
     )
-
-
-class _Raw:
-    """Shots from RAW files, all with the first one's multipliers and matrix."""
-
-    def __init__(self, options: LinearizeOptions) -> None:
-        self.options = options
-        self.settings: RawSettings | None = None
-
-    def shot(self, file: Path, light: float) -> Shot:
-        first = self.settings
-        balance = self.options.white_balance if first is None else first.white_balance
-        found = develop(file, balance, self.options.colour)
-        if first is None:
-            self.settings = RawSettings(found.white_balance, found.matrix, found.black, found.white)
-        elif (
-            first.matrix is not None
-            and found.matrix is not None
-            and np.abs(first.matrix - found.matrix).max() > 1e-4
-        ):
-            raise InputError(
-                "its colour matrix is not that of the photographs before it",
-                file=file,
-                expected="photographs of one camera",
-            )
-        return Shot(found.linear, found.clipped, found.linear < DARK_RAW, light)
-
-
-@dataclass(frozen=True)
-class _Coded:
-    """Shots from JPEG and PNG."""
-
-    response: Response
-
-    def shot(self, file: Path, light: float) -> Shot:
-        coded = _colours(file)
-        largest = int(np.iinfo(coded.dtype).max)
-        table = self.response.lookup(largest)
-        linear = np.stack([table[coded[..., c], c] for c in range(3)], axis=-1)
-        return Shot(linear, coded >= CLIP_CODE * largest, coded < DARK_CODE * largest, light)
-
-
-def _colours(file: Path) -> npt.NDArray[np.uint8] | npt.NDArray[np.uint16]:
-    coded = read_coded(file)
-    if coded.shape[-1] in (2, 4):
-        raise InputError("has an alpha channel", file=file, expected="a photograph, opaque")
-    gray: bool = coded.shape[-1] == 1
-    return coded[..., [0, 0, 0]] if gray else coded
-
-
-def _of_one_size(files: Sequence[Path], light: Sequence[float], source: _Raw | _Coded) -> Iterator[Shot]:
-    size: tuple[int, ...] | None = None
-    for file, exposure in zip(files, light, strict=True):
-        shot = source.shot(file, exposure)
-        size = size or shot.linear.shape
-        if shot.linear.shape != size:
-            raise InputError(
-                f"{shot.linear.shape[1]} x {shot.linear.shape[0]} pixels",
-                file=file,
-                expected=f"{size[1]} x {size[0]} as {files[0].name} of the same view has",
-            )
-        yield shot
-
-
-def _response(
-    views: Mapping[str, Sequence[Path]],
-    exposures: Mapping[Path, Exposure],
-    options: LinearizeOptions,
-    progress: Progress,
-) -> Response:
-    if options.response != "recover":
-        return given_response(options.response)
-    brackets = [own for own in views.values() if len(own) > 1]
-    if not brackets:
-        raise InputError(
-            "the response cannot be recovered from single photographs",
-            expected="brackets (--per-view COUNT), or --response",
-            hint="Give --response srgb, gamma:2.2, or the linearize.json of brackets of the same camera",
-        )
-    chosen = [
-        brackets[i] for i in np.unique(np.linspace(0, len(brackets) - 1, FITTED_TO).round().astype(int))
-    ]
-    with progress.stage("Recovering the response"):
-        read = [([_eight_bits(f) for f in own], [exposures[f].light for f in own]) for own in chosen]
-        for own, (pictures, _) in zip(chosen, read, strict=True):
-            for file, picture in zip(own, pictures, strict=True):
-                if picture.shape != pictures[0].shape:
-                    h, w = pictures[0].shape[:2]
-                    raise InputError(
-                        f"{picture.shape[1]} x {picture.shape[0]} pixels",
-                        file=file,
-                        expected=f"{w} x {h} as {own[0].name} of the same view has",
-                    )
-        return recover_response(read)
-
-
-def _eight_bits(file: Path) -> U8:
-    coded = _colours(file)
-    if coded.dtype != np.uint8:
-        raise InputError(
-            "has 16 bits", file=file, expected="8 bits to recover a response from", hint="Give --response"
-        )
-    return np.asarray(coded, dtype=np.uint8)
 
 
 def _write(file: Path, merged: Merged) -> None:
