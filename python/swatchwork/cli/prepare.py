@@ -10,13 +10,16 @@ from typing import Any
 
 import typer
 
+from .prepare_calibrate import calibrate
+from .prepare_linearize import linearize
+
 HELP = """
 From photographs to a capture: linear radiance, camera intrinsics, the light probe, poses.
 
 Each step has a figure of merit and a picture to check by eye.
 """
 
-STEPS: tuple[Callable[..., Any], ...] = ()
+STEPS: tuple[Callable[..., Any], ...] = (linearize, calibrate)
 """The commands, in the order of use."""
 
 app = typer.Typer(
