@@ -15,6 +15,7 @@ import typer
 import typer.main
 
 from ..errors import SwatchworkError
+from . import prepare
 from .analyze import analyze
 from .console import stderr
 from .demo import demo
@@ -73,6 +74,8 @@ def _common(
 for command in (reconstruct, relight, evaluate, plan, analyze, demo, reproduce, info):
     text, _, examples = (command.__doc__ or "").partition("Examples:")
     app.command(help=text, epilog=f"[bold]Examples:[/bold]\n\n{dedent(examples).strip()}")(command)
+
+app.add_typer(prepare.app, name="prepare")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

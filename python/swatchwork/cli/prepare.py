@@ -10,13 +10,15 @@ from typing import Any
 
 import typer
 
+from .prepare_probe import probe
+
 HELP = """
 From photographs to a capture: linear radiance, camera intrinsics, the light probe, poses.
 
 Each step has a figure of merit and a picture to check by eye.
 """
 
-STEPS: tuple[Callable[..., Any], ...] = ()
+STEPS: tuple[Callable[..., Any], ...] = (probe,)
 """The commands, in the order of use."""
 
 app = typer.Typer(

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Swatchwork contributors
 # SPDX-License-Identifier: MIT
-"""Finding the outline of a mirror ball: a Hough transform for a start, then edges across it, robustly fitted."""
+"""The outline of a mirror ball: a Hough transform for a start, then edges across it, robustly fitted."""
 
 from __future__ import annotations
 

@@ -149,7 +149,7 @@ class OrthographicBall:
 
     @classmethod
     def fit(cls, uv_px: Float) -> OrthographicBall | None:
-        """The circle nearest to image points [P, 2] (algebraic least squares), or None where there is none."""
+        """The circle nearest to image points [P, 2] (algebraic least squares); None: there is none."""
         uv_px = np.asarray(uv_px, dtype=np.float64)
         if len(uv_px) < 3:
             return None
@@ -160,7 +160,7 @@ class OrthographicBall:
         square = c + a * a + b * b
         if rank < 3 or not square > 0:
             return None
-        return cls(middle + [a, b], float(np.sqrt(square)))
+        return cls(middle + np.array([a, b]), float(np.sqrt(square)))
 
     @property
     def towards_camera(self) -> F64:

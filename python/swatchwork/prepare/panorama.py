@@ -60,7 +60,7 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class Mirror:
-    """What share of the light the ball reflects: ``normal`` F64[3], rising to 1 at the rim with ``fresnel``."""
+    """Share of light that the ball reflects: ``normal`` F64[3], rising to 1 at the rim with ``fresnel``."""
 
     normal: F64
     fresnel: bool = False

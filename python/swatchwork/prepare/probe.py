@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swatchwork.arrays import F32, F64
+from swatchwork.arrays import F32, F64, Bool
 from swatchwork.errors import InputError
 from swatchwork.light import Environment, solid_angles
 from swatchwork.prepare.panorama import Mirror, Panorama, View, panorama, pixel_centres
@@ -50,7 +50,7 @@ class Probe:
         clipped: F32[H, W], share of a texel that is clipped in the views it comes from.
         unseen_sr: solid angle that was filled in.
         clipped_share: share of the sphere's solid angle that is clipped.
-        clipped_irradiance: F64[3], integral of the clipped texels' radiance: their true energy is at least it.
+        clipped_irradiance: F64[3], integral of the clipped texels' radiance; in truth it is at least that.
         irradiance: F64[3], integral of the whole map.
         world_from_cameras: F64[V, 3, 3].
         agreements: of the second view and on with the first.
@@ -102,9 +102,7 @@ def probe_of_views(
     mirror = mirror or Mirror(np.ones(3))
     width = width or default_width(views)
     turns, correlations = _rotations(views, poses, mirror)
-    maps = [
-        panorama(view, turn, convention, width, mirror) for view, turn in zip(views, turns, strict=True)
-    ]
+    maps = [panorama(view, turn, convention, width, mirror) for view, turn in zip(views, turns, strict=True)]
     total = sum(m.weight.astype(np.float64) for m in maps)
     share = np.maximum(total, 1e-300)
     radiance = sum(m.radiance * m.weight[..., None].astype(np.float64) for m in maps) / share[..., None]
@@ -185,7 +183,7 @@ def _agreement(first: Panorama, other: Panorama, area: F64, correlation: float |
     return Agreement(nrms, ratio, share, correlation)
 
 
-def _filled(radiance: F64, unseen: np.ndarray[tuple[int, ...], np.dtype[np.bool_]], convention: str) -> F64:
+def _filled(radiance: F64, unseen: Bool, convention: str) -> F64:
     """The map with unseen texels set to means of the border's, weighted by 1 / angle^2."""
     if not unseen.any():
         return radiance
