@@ -169,7 +169,7 @@ def test_reflection_and_its_inverse_are_exact(centre: tuple[float, float, float]
     assert (ball.residual_px(at[~blind]) < 0).all()
     fitted = PerspectiveBall.fit(LENS, ball.outline(50))
     assert fitted is not None
-    np.testing.assert_allclose(fitted.centre, centre, rtol=1e-9)
+    np.testing.assert_allclose(fitted.centre, centre, rtol=1e-9, atol=1e-9)
 
 
 def test_a_far_ball_is_the_orthographic_one() -> None:
@@ -287,7 +287,8 @@ def transforms(folder: Path, names: list[str], turns: list[np.ndarray]) -> Path:
 
 
 def test_command(shot: Shot, other: Shot, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    alpha = (shot.pixels.max(axis=-1) < 25).astype(np.float32)
+    largest = shot.pixels.max(axis=-1)
+    alpha = ((largest < 15) | (largest > 22)).astype(np.float32)
     write_exr(tmp_path / "one.exr", np.dstack([shot.pixels * alpha[..., None], alpha]))
     write_exr(tmp_path / "two.exr", other.pixels)
     poses = str(transforms(tmp_path, ["one.exr", "two.exr"], [TURN, OTHER]))
@@ -302,7 +303,8 @@ def test_command(shot: Shot, other: Shot, tmp_path: Path, capsys: pytest.Capture
     centre = np.array(summary["views"][0]["ball_centre_in_camera"])
     np.testing.assert_allclose(centre, 0.04 * shot.centre, atol=4e-4)
     assert summary["views"][1]["agreement_nrms"] < 0.15
-    # The lamp of 30 was clipped in the first view, and seen whole in the second.
+    # Two lamps, 0.9 % of the sphere, were clipped in the first view, and seen whole in the second. What is left
+    # is the edge of another lamp, which is at the second view's rim.
     assert 0 <= summary["clipped_share"] < 0.003
     environment = Environment(read_image(tmp_path / "out/probe.exr").linear, "blender")
     assert degrees_between(lamps_of(environment), LAMPS).max() < 0.4
@@ -421,18 +423,22 @@ def brightest_blobs(
 
 
 def test_real_lamps_agree_with_the_hdr_of_the_same_ball(shared: Path) -> None:
-    ours = real_view(merged(shared, "Angle2"))
+    merge = merged(shared, "Angle2")
     theirs = real_view(read_image(shared / "data/captures/mirror_ball/sphere_hdr_debevec.hdr").linear)
-    # Two merges of the same photographs: the outlines are found apart, and differ by 3 px of 228.
-    np.testing.assert_allclose(ours.outline.ball.centre_px, theirs.outline.ball.centre_px, atol=4)  # type: ignore[attr-defined]
-    a, b = (probe_of_views([v], [None], convention="mitsuba", width=512) for v in (ours, theirs))
+    apart = find_outline(merge, None, "ball")
+    # Two merges of the same photographs: outlines found apart differ by 3.6 px of a radius of 228.
+    np.testing.assert_allclose(apart.ball.centre_px, theirs.outline.ball.centre_px, atol=4)  # type: ignore[attr-defined]
+    ours = View(merge, np.zeros(merge.shape[:2], dtype=bool), theirs.outline, "ball")
+    a, b = (probe_of_views([v], [None], convention="mitsuba", width=256) for v in (ours, theirs))
     blobs, towards, share = brightest_blobs(b)
     _, own_towards, own_share = brightest_blobs(a, blobs)
     large = share > 0.05
-    print(degrees_between(towards, own_towards)[large], share[large], own_share[large])
-    assert large.sum() >= 2
-    assert degrees_between(towards, own_towards)[large].max() < 1.5
-    np.testing.assert_allclose(own_share[large], share[large], rtol=0.1)
+    assert large.sum() >= 3
+    off, ratio = degrees_between(towards, own_towards)[large], (own_share / share)[large]
+    print(f"lamps {off.round(2)} degrees off, energy shares {share[large].round(3)}, ratios {ratio.round(3)}")
+    assert off.max() < 1
+    # Their merge weights the exposures otherwise near the clip level, and its largest value is 6.
+    np.testing.assert_allclose(ratio, 1, atol=0.1)
 
 
 def test_real_views_from_two_sides_find_their_rotation(shared: Path) -> None:

@@ -136,7 +136,7 @@ def panorama(view: View, world_from_camera: F64, convention: str, width: int, mi
         share = of_texels(area * seen)
         total = np.maximum(share, 1e-300)
         radiance[top:bottom] = of_texels((area * seen)[:, None] * light) / total
-        clipped[top:bottom] = (of_texels(area * seen * clip) / total)[..., 0]
+        clipped[top:bottom] = (of_texels(area * seen * value[:, 3]) / total)[..., 0]
         weight[top:bottom] = (of_texels(area * worth) / of_texels(area))[..., 0]
     return Panorama(radiance, weight, clipped)
 
