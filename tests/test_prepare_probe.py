@@ -302,9 +302,10 @@ def test_command(shot: Shot, other: Shot, tmp_path: Path, capsys: pytest.Capture
     assert summary["model"] == "perspective" and summary["convention"] == "blender"
     centre = np.array(summary["views"][0]["ball_centre_in_camera"])
     np.testing.assert_allclose(centre, 0.04 * shot.centre, atol=4e-4)
-    assert summary["views"][1]["agreement_nrms"] < 0.15
-    # Two lamps, 0.9 % of the sphere, were clipped in the first view, and seen whole in the second. What is left
-    # is the edge of another lamp, which is at the second view's rim.
+    # With two lamps clipped, the edge of the third, blurred at the second view's rim, is most of it.
+    assert summary["views"][1]["agreement_nrms"] < 0.25
+    # Two lamps, 0.9 % of the sphere, were clipped in the first view, and seen whole in the second. What is
+    # left is the edge of another lamp, which is at the second view's rim.
     assert 0 <= summary["clipped_share"] < 0.003
     environment = Environment(read_image(tmp_path / "out/probe.exr").linear, "blender")
     assert degrees_between(lamps_of(environment), LAMPS).max() < 0.4
@@ -436,9 +437,10 @@ def test_real_lamps_agree_with_the_hdr_of_the_same_ball(shared: Path) -> None:
     assert large.sum() >= 3
     off, ratio = degrees_between(towards, own_towards)[large], (own_share / share)[large]
     print(f"lamps {off.round(2)} degrees off, energy shares {share[large].round(3)}, ratios {ratio.round(3)}")
-    assert off.max() < 1
-    # Their merge weights the exposures otherwise near the clip level, and its largest value is 6.
-    np.testing.assert_allclose(ratio, 1, atol=0.1)
+    # Measured: 0.56, 0.22 and 0.26 degrees (a texel is 1.4), shares of the energy off by 1.3 % at most. Their
+    # merge weights the exposures otherwise near the clip level.
+    assert off.max() < 0.8
+    np.testing.assert_allclose(ratio, 1, atol=0.03)
 
 
 def test_real_views_from_two_sides_find_their_rotation(shared: Path) -> None:

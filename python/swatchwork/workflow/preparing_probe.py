@@ -9,32 +9,30 @@ import time
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
-from importlib.metadata import version
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
-from ..arrays import F64, Bool
+from ..arrays import F64
 from ..capture import Camera, read_capture, read_image, write_exr, write_exr_channels
 from ..errors import InputError, OutputError
 from ..prepare.ball import find_outline, given_outline
 from ..prepare.mirror import PerspectiveBall
 from ..prepare.panorama import Mirror, View
-from ..prepare.probe import Probe, probe_of_views, rerender
+from ..prepare.probe import Probe, probe_of_views
 from ..progress import SILENT, Progress
-from ..report import Figure, Picture, Section, Sheet, display, heat, relative_error, shrink, write_sheet
+from ..report import Sheet, write_sheet
+from .probe_page import probe_sheet
 
 ORTHOGRAPHIC = (
-    "No focal length was given: the camera is taken as orthographic, which puts lamps off by about as many "
-    "degrees as the ball's radius is of its distance."
+    "No focal length was given: the camera is taken as orthographic, which puts lamps off by up to about the "
+    "angle that the ball's radius takes up as seen from the camera (11 degrees at 5 radii)."
 )
 SIZE_TOLERANCE = 0.05
 """By which a ball's stated radius and distance may disagree with its outline."""
-SHOWN_PX = 700
 
 
 @dataclass(frozen=True)
@@ -137,7 +135,11 @@ def prepare_probe(
         probe = probe_of_views(views, turns, convention=convention, width=width, mirror=mirror)
     folder = Path(output)
     summary = _summary(folder, files, views, probe, bool(poses), radius, time.perf_counter() - start)
-    _write(folder, probe, summary, _sheet(views, probe, mirror, summary))
+    words = summary.clipped_in_words
+    if summary.model == "orthographic":
+        words = f"{ORTHOGRAPHIC} {words}"
+    sheet = probe_sheet(views, probe, mirror, words, summary.world, summary.unseen_filled)
+    _write(folder, probe, summary, sheet)
     return summary
 
 
@@ -352,62 +354,3 @@ def _write(folder: Path, probe: Probe, summary: ProbeSummary, sheet: Sheet) -> N
         for path in partial:
             with suppress(OSError):
                 path.unlink(missing_ok=True)
-
-
-def _sheet(views: Sequence[View], probe: Probe, mirror: Mirror, summary: ProbeSummary) -> Sheet:
-    radiance = probe.environment.radiance
-    # White at the brightest tenth: lamps are to burn out, the room is to be seen.
-    exposure = 0.8 / max(float(np.quantile(radiance.max(axis=-1), 0.9)), 1e-12)
-    flags = display(radiance, None, exposure)[..., :3]
-    flags[probe.unseen > 0] = (90, 90, 200)
-    flags[probe.clipped > 0.5] = (230, 40, 40)
-    maps = (
-        Picture("the probe", display(radiance, None, exposure)),
-        Picture("blue: not seen by any view, filled in; red: clipped, at least as bright", flags),
-    )
-    sections = [Section("The probe", f"{summary.convention}; world: {summary.world}.", maps)]
-    for view, turn, nrms in zip(views, probe.world_from_cameras, probe.rerendered, strict=True):
-        on = view.on_ball()
-        rendered = rerender(view, probe.environment, turn, mirror)
-        bright = 0.8 / max(float(np.quantile(view.radiance[on].max(axis=-1), 0.9)), 1e-12)
-        box = _box(on)
-        error = relative_error(rendered, view.radiance, on)
-        pictures = (
-            Picture("the photograph; green: the outline used", _outlined(view, bright)[box]),
-            Picture("the probe, seen on the ball", display(rendered, on.astype(float), bright)[box]),
-            Picture("difference, white is the photograph's RMS", heat(error, on, 1.0)[box]),
-        )
-        small = tuple(Picture(p.caption, shrink(p.pixels, SHOWN_PX)) for p in pictures)
-        words = f"The probe on the ball differs from the photograph by {100 * nrms:.1f} % (NRMS)."
-        sections.append(Section(Path(view.name).name, words, small))
-    worst = max(view.outline.residual_px for view in views)
-    agreements = [a.nrms for a in probe.agreements if a.nrms is not None]
-    figures = [
-        Figure(f"{worst:.2f} px", "outline", "RMS distance of the edges from it"),
-        Figure(f"{100 * probe.unseen_sr / (4 * np.pi):.2f} %", "of the sphere unseen", summary.unseen_filled),
-        Figure(f"{100 * probe.clipped_share:.3g} %", "of the sphere clipped"),
-    ]
-    if agreements:
-        figures.append(Figure(f"{100 * max(agreements):.0f} %", "views differ", "NRMS where both see"))
-    text = summary.clipped_in_words
-    if summary.model == "orthographic":
-        text = f"{ORTHOGRAPHIC} {text}"
-    return Sheet(
-        "Light probe from a mirror ball", text, tuple(figures), tuple(sections), version("swatchwork")
-    )
-
-
-def _outlined(view: View, exposure: float) -> np.ndarray[Any, np.dtype[np.uint8]]:
-    shown = np.ascontiguousarray(display(np.nan_to_num(view.radiance), None, exposure)[..., :3])
-    points = np.round((view.outline.ball.outline() - 0.5) * 16).astype(np.int32)
-    cv2.polylines(shown, [points], True, (40, 230, 40), 1, cv2.LINE_AA, 4)
-    return shown
-
-
-def _box(on: Bool) -> tuple[slice, slice]:
-    rows, columns = np.nonzero(on)
-    margin = round(0.08 * np.ptp(rows)) + 2
-    return (
-        slice(max(0, rows.min() - margin), rows.max() + margin),
-        slice(max(0, columns.min() - margin), columns.max() + margin),
-    )
