@@ -12,6 +12,7 @@ import typer
 
 from .prepare_calibrate import calibrate
 from .prepare_linearize import linearize
+from .prepare_probe import probe
 
 HELP = """
 From photographs to a capture: linear radiance, camera intrinsics, the light probe, poses.
@@ -19,7 +20,7 @@ From photographs to a capture: linear radiance, camera intrinsics, the light pro
 Each step has a figure of merit and a picture to check by eye.
 """
 
-STEPS: tuple[Callable[..., Any], ...] = (linearize, calibrate)
+STEPS: tuple[Callable[..., Any], ...] = (linearize, calibrate, probe)
 """The commands, in the order of use."""
 
 app = typer.Typer(
