@@ -76,8 +76,6 @@ for command in (reconstruct, relight, evaluate, plan, analyze, demo, reproduce, 
     app.command(help=text, epilog=f"[bold]Examples:[/bold]\n\n{dedent(examples).strip()}")(command)
 app.add_typer(prepare.app, name="prepare")
 
-app.add_typer(prepare.app, name="prepare")
-
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code."""

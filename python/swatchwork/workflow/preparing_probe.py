@@ -17,7 +17,14 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 
 from ..arrays import F64
-from ..capture import Camera, read_capture, read_image, write_exr, write_exr_channels
+from ..capture import (
+    Camera,
+    read_capture,
+    read_exr_channels,
+    read_image,
+    write_exr,
+    write_exr_channels,
+)
 from ..errors import InputError, OutputError
 from ..prepare.ball import find_outline, given_outline
 from ..prepare.mirror import PerspectiveBall
@@ -216,7 +223,13 @@ def _view(
         if gone.all():
             raise InputError("all of it is clipped (alpha is 0)", file=file, expected="a shorter exposure")
         radiance[~gone] /= image.alpha[~gone][:, None]
-        # What was saturated is no darker than what lies around it; the file may know more.
+        # What was saturated is no darker than what lies around it; the file may know more: `linearize` writes
+        # what the shortest exposure read there.
+        if file.suffix.lower() == ".exr":
+            channels = read_exr_channels(file)
+            if all(f"least.{c}" in channels for c in "RGB"):
+                least = np.stack([channels[f"least.{c}"] for c in "RGB"], axis=-1)
+                radiance[gone] = np.fmax(radiance[gone], least[gone])
         nearest = distance_transform_edt(gone, return_distances=False, return_indices=True)
         radiance[gone] = np.fmax(radiance[gone], radiance[tuple(nearest)][gone])
         clipped |= gone
