@@ -10,13 +10,15 @@ from typing import Any
 
 import typer
 
+from .prepare_import import import_
+
 HELP = """
 From photographs to a capture: linear radiance, camera intrinsics, the light probe, poses.
 
 Each step has a figure of merit and a picture to check by eye.
 """
 
-STEPS: tuple[Callable[..., Any], ...] = ()
+STEPS: tuple[Callable[..., Any], ...] = (import_,)
 """The commands, in the order of use."""
 
 app = typer.Typer(
@@ -28,4 +30,6 @@ app = typer.Typer(
 )
 for step in STEPS:
     text, _, examples = (step.__doc__ or "").partition("Examples:")
-    app.command(help=text, epilog=f"[bold]Examples:[/bold]\n\n{dedent(examples).strip()}")(step)
+    # A keyword of the language is a name with an underscore behind it.
+    name = step.__name__.rstrip("_").replace("_", "-")
+    app.command(name=name, help=text, epilog=f"[bold]Examples:[/bold]\n\n{dedent(examples).strip()}")(step)
