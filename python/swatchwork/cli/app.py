@@ -15,7 +15,9 @@ import typer
 import typer.main
 
 from ..errors import SwatchworkError
+from . import prepare
 from .analyze import analyze
+from .check import check
 from .console import stderr
 from .demo import demo
 from .evaluate import evaluate
@@ -70,9 +72,10 @@ def _common(
     pass
 
 
-for command in (reconstruct, relight, evaluate, plan, analyze, demo, reproduce, info):
+for command in (reconstruct, relight, evaluate, plan, analyze, check, demo, reproduce, info):
     text, _, examples = (command.__doc__ or "").partition("Examples:")
     app.command(help=text, epilog=f"[bold]Examples:[/bold]\n\n{dedent(examples).strip()}")(command)
+app.add_typer(prepare.app, name="prepare")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -4,30 +4,15 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 import time
-import warnings
 from dataclasses import asdict, dataclass
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from swatchwork.capture import (
-    Capture,
-    EnvironmentSource,
-    Frame,
-    read_capture,
-    read_mask,
-    write_capture,
-    write_exr,
-    write_png,
-)
+from swatchwork.capture import Capture, EnvironmentSource, read_capture, write_capture
 from swatchwork.capture.images import image_size
-from swatchwork.errors import CaptureWarning, InputError
-from swatchwork.light import read_environment
+from swatchwork.errors import InputError
 from swatchwork.material import whole_folder
 from swatchwork.prepare.importing import (
     colmap,
@@ -36,10 +21,10 @@ from swatchwork.prepare.importing import (
     objects_with_lighting,
     stanford_orb,
 )
+from swatchwork.prepare.importing.copying import Lights, bring_mesh, bring_photograph
 from swatchwork.prepare.importing.found import Layout, Request, Shot
 from swatchwork.progress import SILENT, Progress
-from swatchwork.surface import buffers_of, mesh_from_arrays, read_mesh, write_mesh_obj
-from swatchwork.surface.obj import read_obj
+from swatchwork.surface import read_mesh
 
 LAYOUTS = {
     layout.name: layout
@@ -150,17 +135,17 @@ def import_capture(
     for shot in found.shots:
         _check(shot)
     with whole_folder(output, replaceable=lambda _: False) as fresh:
-        lights = _Lights(fresh)
+        lights = Lights(fresh)
         common = lights.copied(shared, "env") if shared is not None else None
         frames = []
         with progress.stage("import", len(found.shots)) as task:
             for shot in found.shots:
                 own = shot.environment
                 light = lights.copied(own, f"env/{own.file.stem}") if own is not None else common
-                frames.append(_brought(shot, fresh, light, link))
+                frames.append(bring_photograph(shot, fresh, light, link))
                 task.advance()
         own_mesh = mesh is None and found.normals_suspect
-        placed = _brought_mesh(shape, fresh, own_mesh)
+        placed = bring_mesh(shape, fresh, own_mesh)
         write_capture(Capture(fresh, fresh / "transforms.json", placed, (), common, tuple(frames)), fresh)
         # What we wrote is what our own reader accepts, or nothing is left of it.
         read_capture(fresh)
@@ -213,86 +198,3 @@ def _check(shot: Shot) -> None:
         raise InputError(
             f"the mask is {width} x {height}", file=shot.mask, expected=f"{size[0]} x {size[1]}, as the image"
         )
-
-
-class _Lights:
-    """Environment maps copied into the capture, each file once."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder, self._copies = folder, dict[Path, Path]()
-
-    @property
-    def count(self) -> int:
-        return len(self._copies)
-
-    def copied(self, light: EnvironmentSource, stem: str) -> EnvironmentSource:
-        source = light.file.resolve()
-        if source not in self._copies:
-            read_environment(light)
-            target = self.folder / (stem + light.file.suffix.lower())
-            target.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(source, target)
-            self._copies[source] = target
-        return EnvironmentSource(self._copies[source], light.convention, light.world_from_environment)
-
-
-def _brought(shot: Shot, folder: Path, light: EnvironmentSource | None, link: bool) -> Frame:
-    target = folder / "images" / shot.name
-    if target.exists():
-        raise InputError(
-            f"two photographs are named {shot.name}", file=shot.image, expected="one of each name"
-        )
-    target.parent.mkdir(parents=True, exist_ok=True)
-    mask = (folder / "masks" / shot.name).with_suffix(".png") if shot.mask is not None else None
-    if shot.decode is not None:
-        radiance, valid = shot.decode()
-        write_exr(target, radiance)
-        inside = valid if shot.mask is None else valid & read_mask(shot.mask)
-        # EXR knows no clipping: what was clipped is left out by the mask.
-        mask = (folder / "masks" / shot.name).with_suffix(".png")
-        mask.parent.mkdir(parents=True, exist_ok=True)
-        write_png(mask, np.repeat(np.uint8(255) * inside[..., None], 3, axis=-1))
-    else:
-        _place(shot.image, target, link)
-        if shot.mask is not None and mask is not None:
-            mask = mask.with_suffix(shot.mask.suffix)
-            mask.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(shot.mask, mask)
-    return Frame(f"images/{shot.name}", target, mask, shot.exposure, shot.camera, light)
-
-
-def _place(source: Path, target: Path, link: bool) -> None:
-    if not link:
-        shutil.copyfile(source, target)
-        return
-    try:
-        os.link(source.resolve(), target)
-    except OSError as error:
-        raise InputError(
-            f"cannot be linked into the capture ({error.strerror})",
-            file=source,
-            expected="a capture on the same file system",
-            hint="Leave out --link to copy the photographs",
-        ) from error
-
-
-def _brought_mesh(source: Path, folder: Path, normals_suspect: bool) -> Path:
-    target = folder / f"mesh{source.suffix.lower()}"
-    if normals_suspect and source.suffix.lower() == ".obj":
-        vertices, faces, normals, uv = read_obj(source)
-        mesh = mesh_from_arrays(vertices, faces, None, uv, file=source)
-        if normals is not None and np.einsum("vx,vx->v", mesh.normals, normals).mean() < 0.8:
-            warnings.warn(
-                CaptureWarning(f"{source}: the normals are not those of the triangles; new ones are made"),
-                stacklevel=3,
-            )
-            write_mesh_obj(target, mesh)
-            return target
-    shutil.copyfile(source, target)
-    for buffer in buffers_of(source):
-        inside = os.path.relpath(buffer, source.parent)
-        if inside.startswith(".."):
-            raise InputError(f"names {inside}, outside its folder", file=source, expected="buffers beside it")
-        (folder / inside).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(buffer, folder / inside)
-    return target
