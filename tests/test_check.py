@@ -234,6 +234,9 @@ def test_the_mirror_ball_shows_what_it_reflects(tmp_path: Path) -> None:
     expected = light.lookup(np.array([2 * x * np.sqrt(1 - x * x), -(1 - 2 * x * x), 0.0]))
     np.testing.assert_allclose(mirror[32, right], expected, rtol=1e-4)
     assert alpha[0, 0] == 0 and alpha[32, 32] == 1 and (grey[32, 32] > 0).all()
+    even = Environment(np.ones((8, 16, 3), np.float32), "mitsuba")
+    # Half of the light, to what cells of 13 degrees make of a cosine.
+    np.testing.assert_allclose(balls(even, camera, 65)[1][32, 10:55], 0.5, rtol=0.02)
 
 
 def test_axis_moves_are_all_turns_and_mirrors_but_none() -> None:
@@ -256,6 +259,8 @@ def test_findings_are_no_failure(spoilt: Path, tmp_path: Path, capsys: pytest.Ca
     changed(spoilt, lambda d: d["frames"][3].update(exposure=0.5))
     assert main(["check", str(spoilt), "-o", str(tmp_path / "check.html")]) == 0
     said = capsys.readouterr().out
+    # Beside the usual ones, the frame and another at one exposure.
+    assert (tmp_path / "check.html").read_text().count("data:image/png") == K + 3 + 2 + 2
     assert said.startswith("1. images/0004.exr is ") and "What to do: " in said
 
 

@@ -19,6 +19,8 @@ from ..surface.sky import SIZE, SkyMasks, unpacked
 
 SMALLEST_COSINE = 0.3
 """Of points that are sampled: nearer the rim, pixels mix the surface with what is beside it."""
+COARSE = 16
+"""Cells along a side of the sky that lights the grey ball."""
 FEWEST = 30
 """Points that a frame must share with others to be judged."""
 
@@ -116,9 +118,10 @@ def balls(light: Environment, camera: Camera, size: int) -> tuple[F32, F32, F32]
     normal = normal_in_camera @ world_from_camera.T
     viewer = world_from_camera[:, 2]
     mirrored = 2 * (normal @ viewer)[..., None] * normal - viewer
-    cells = pixel_directions(SIZE).reshape(-1, 3)
-    radiance = light.octahedral(SIZE).reshape(-1, 3).astype(np.float64)
-    weight = np.maximum(normal.reshape(-1, 3) @ cells.T, 0.0)
+    # The cosine is so wide that cells of 13 degrees serve; finer ones would take a gigabyte.
+    cells = pixel_directions(COARSE).reshape(-1, 3).astype(np.float32)
+    radiance = light.octahedral(COARSE).reshape(-1, 3)
+    weight = np.maximum(normal.reshape(-1, 3).astype(np.float32) @ cells.T, 0.0)
     grey = (weight @ radiance * (0.5 * 4 / len(cells))).reshape(size, size, 3)
     shown = [(image * alpha[..., None]).astype(np.float32) for image in (light.lookup(mirrored), grey)]
     return shown[0], shown[1], alpha

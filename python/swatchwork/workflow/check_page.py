@@ -108,13 +108,26 @@ def check_sheet(
 
 def _finding(number: int, finding: Finding, shapes: dict[str, FrameShape]) -> Section:
     text = f"{finding.text} What to do: {finding.advice}"
-    pictures = tuple(
-        Picture(_caption(shapes[name]), overlay(shapes[name]))
-        for name in finding.frames[:2]
-        if name in shapes
-    )
+    return Section(f"{number}. {finding.title}", text, _illustrated(finding, shapes))
+
+
+def _illustrated(finding: Finding, shapes: dict[str, FrameShape]) -> tuple[Picture, ...]:
+    """Two pictures of what is found: of both frames, or of the one beside another, or beside itself."""
+    named = [shapes[name] for name in finding.frames if name in shapes]
     # A note about many photographs is not illustrated by two of them.
-    return Section(f"{number}. {finding.title}", text, pictures if finding.level != "note" else ())
+    if not named or finding.level == "note":
+        return ()
+    if finding.kind == "exposure of a frame":
+        others = [shape for name, shape in shapes.items() if name not in finding.frames]
+        pair = [*named, *others][:2]
+        exposure = _exposure(pair[-1])
+        return tuple(
+            Picture(f"{s.frame.name}, at one exposure", overlay(s, exposure, outlined=False)) for s in pair
+        )
+    if len(named) > 1:
+        return tuple(Picture(_caption(s), overlay(s)) for s in named[:2])
+    plain = Picture("the photograph alone", overlay(named[0], outlined=False))
+    return (Picture(_caption(named[0]), overlay(named[0])), plain)
 
 
 def _caption(shape: FrameShape) -> str:
@@ -122,18 +135,23 @@ def _caption(shape: FrameShape) -> str:
     return f"{shape.frame.name}: {figure}"
 
 
-def overlay(shape: FrameShape) -> U8:
-    """The photograph around the object with both outlines [H, W, 3], enlarged to a common size."""
+def _exposure(shape: FrameShape) -> float:
+    """The factor that shows a photograph's object well."""
+    inside = shape.region if shape.region is not None and shape.region.any() else shape.silhouette
+    return exposure_for(shape.radiance, inside.astype(np.float32))
+
+
+def overlay(shape: FrameShape, exposure: float | None = None, outlined: bool = True) -> U8:
+    """The photograph around the object, with both outlines [H, W, 3], enlarged to a common size."""
     around = shape.silhouette if shape.region is None else shape.silhouette | shape.region
     rows, columns = crop_box(around.astype(np.float32), 0.12)
-    inside = shape.region if shape.region is not None and shape.region.any() else around
-    exposure = exposure_for(shape.radiance, inside.astype(np.float32))
-    pixels = display(shape.radiance, None, exposure)[rows, columns, :3]
+    shown = display(shape.radiance, None, _exposure(shape) if exposure is None else exposure)
+    pixels = shown[rows, columns, :3]
     scale = PICTURE_PX / max(pixels.shape[:2])
     size = (max(1, round(pixels.shape[1] * scale)), max(1, round(pixels.shape[0] * scale)))
     canvas = np.ascontiguousarray(cv2.resize(pixels, size, interpolation=cv2.INTER_LINEAR))
     for mask, colour in ((shape.region, REGION), (shape.silhouette, MESH)):
-        if mask is None:
+        if mask is None or not outlined:
             continue
         part = mask[rows, columns].astype(np.uint8)
         large = cv2.resize(part * 255, size, interpolation=cv2.INTER_LINEAR) > 127
