@@ -214,6 +214,20 @@ def test_exposures_of_a_matte_object_are_exact() -> None:
     assert empty.albedo is None and np.isnan(empty.factor).all()
 
 
+def test_gloss_is_no_exposure() -> None:
+    rng = np.random.default_rng(2)
+    white, mirrored = rng.uniform(0.5, 2, (6, 300)), rng.uniform(0, 1, (6, 300))
+    # One frame sees the lamps in the object.
+    mirrored[2] += 5
+    radiance = rng.uniform(0.1, 0.9, 300) * (white + 0.3 * mirrored)
+    assert exposures(radiance, white).factor[2] > 1.5
+    np.testing.assert_allclose(exposures(radiance, white, [mirrored]).factor, 1, rtol=1e-6)
+    radiance[4] *= 2
+    both = exposures(radiance, white, [mirrored])
+    np.testing.assert_allclose(both.factor, [1, 1, 1, 1, 2, 1], rtol=1e-6)
+    assert both.sure.tolist() == [False] * 4 + [True, False]
+
+
 def test_irradiance_in_constant_light_is_pi_times_the_open_sky() -> None:
     mesh = shape("sphere", 24)
     scene, points = RayScene([mesh]), surface_points(mesh, 200)

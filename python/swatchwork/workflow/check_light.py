@@ -13,7 +13,7 @@ import numpy as np
 from ..arrays import F32, F64, Bool, dot, unit
 from ..capture import Camera, Photograph
 from ..light import Environment
-from ..octahedral import pixel_directions
+from ..octahedral import pixel_directions, square_from_direction
 from ..surface import SurfacePoints
 from ..surface.sky import SIZE, SkyMasks, unpacked
 
@@ -21,6 +21,10 @@ SMALLEST_COSINE = 0.3
 """Of points that are sampled: nearer the rim, pixels mix the surface with what is beside it."""
 COARSE = 16
 """Cells along a side of the sky that lights the grey ball."""
+BLURS = (4, 8, 16)
+"""Cells along a side of the sky that stand for gloss of three kinds, of about 50, 26 and 13 degrees."""
+SHARES = (0.03, 0.1, 0.3, 1.0, 3.0)
+"""Of gloss, against a white matte surface's light."""
 FEWEST = 30
 """Points that a frame must share with others to be judged."""
 
@@ -64,41 +68,81 @@ def sampled(photograph: Photograph, camera: Camera, points: SurfacePoints, seen:
 class Exposures:
     """``albedo``: pooled radiance over that of a white Lambertian surface in the same light (None where
     nothing is seen); ``factor`` [k]: each frame against the others, 1 in the middle, NaN where too few
-    points are shared."""
+    points are shared; ``sure`` [k]: three quarters of a frame's points say so too, by a tenth at least."""
 
     albedo: float | None
     factor: F64
+    sure: Bool
 
 
-def exposures(radiance: F64, white: F64) -> Exposures:
+def exposures(radiance: F64, white: F64, gloss: Sequence[F64] = ()) -> Exposures:
     """Compare [k, M] radiances, NaN where not seen, with those of a white surface [k, M].
 
-    The frames' factors and the points' values are medians of each other's quotients in turn, so that a
-    frame's own error does not lean on the others' values.
+    Gloss makes a point brighter in one view than in another: of the ``gloss`` (radiance [k, M] along the
+    mirrored direction, each blurred otherwise), the one and its share that explain the differences best are
+    added to the white surface's. A frame's exposure cannot be mistaken for it: the share is all frames'.
     """
     seen = np.isfinite(radiance) & (white > 0)
     total = float(white[seen].sum())
     albedo = float(radiance[seen].sum()) / total if total > 0 else None
-    quotient = np.full(radiance.shape, np.nan)
-    good = seen & (radiance > 0)
-    quotient[good] = np.log(radiance[good] / white[good])
-    shared = np.isfinite(quotient).sum(axis=0) >= 2
-    quotient = quotient[:, shared]
-    judged = np.isfinite(quotient).sum(axis=1) >= FEWEST
-    factor = np.full(len(radiance), np.nan)
-    if judged.sum() < 2:
-        return Exposures(albedo, factor)
-    quotient = quotient[judged]
-    quotient = quotient[:, np.isfinite(quotient).sum(axis=0) >= 2]
-    if not quotient.shape[1] or not np.isfinite(quotient).any(axis=1).all():
-        return Exposures(albedo, factor)
+    unknown = Exposures(albedo, np.full(len(radiance), np.nan), np.zeros(len(radiance), bool))
+    seen &= radiance > 0
+    seen[seen.sum(axis=1) < FEWEST] = False
+    seen[:, seen.sum(axis=0) < 2] = False
+    judged = seen.sum(axis=1) >= FEWEST
+    seen[~judged] = False
+    seen[:, seen.sum(axis=0) < 2] = False
+    if judged.sum() < 2 or (seen[judged].sum(axis=1) < FEWEST // 2).any():
+        return unknown
+    shared = seen.any(axis=0)
+    here = np.ix_(judged, shared)
+    models = [white] + [white + share * mirrored for mirrored in gloss for share in SHARES]
+    best: tuple[float, F64, F64] | None = None
+    for model in models:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            quotient = np.where(seen, np.log(radiance / model), np.nan)[here]
+        own, left = _frames_and_points(quotient)
+        spread = float(np.nanmedian(np.abs(left - own[:, None])))
+        if best is None or spread < best[0]:
+            best = spread, own, left
+    assert best is not None
+    _, own, left = best
+    factor, sure = unknown.factor, unknown.sure
+    factor[judged] = np.exp(own)
+    low, high = np.nanquantile(left, (0.25, 0.75), axis=1)
+    sure[judged] = (low > np.log(1.1)) | (high < -np.log(1.1))
+    return Exposures(albedo, factor, sure)
+
+
+def _frames_and_points(quotient: F64) -> tuple[F64, F64]:
+    """Logarithms of frames' factors [k], and each point's quotient over its own value [k, M].
+
+    Both are medians of each other's quotients in turn, so that one frame's error does not lean on the others.
+    """
     own = np.zeros(len(quotient))
     for _ in range(20):
         value = np.nanmedian(quotient - own[:, None], axis=0)
         own = np.nanmedian(quotient - value, axis=1)
         own -= np.median(own)
-    factor[judged] = np.exp(own)
-    return Exposures(albedo, factor)
+    return own, quotient - value
+
+
+def mirrored_radiance(
+    lights: Sequence[Environment], cameras: Sequence[Camera], points: SurfacePoints
+) -> list[F64]:
+    """Radiance [k, M] from where a mirror at each point would show each camera, in cells of three sizes."""
+    normal = points.normal.astype(np.float64)
+    found = []
+    for size in BLURS:
+        rasters = {id(light): light.octahedral(size).mean(axis=-1).astype(np.float64) for light in lights}
+        rows = []
+        for light, camera in zip(lights, cameras, strict=True):
+            viewer = unit(camera.position - points.position)
+            d = 2 * dot(normal, viewer)[:, None] * normal - viewer
+            column, row = np.minimum((square_from_direction(unit(d)) * size).astype(int), size - 1).T
+            rows.append(rasters[id(light)][row, column])
+        found.append(np.stack(rows))
+    return found
 
 
 def balls(light: Environment, camera: Camera, size: int) -> tuple[F32, F32, F32]:

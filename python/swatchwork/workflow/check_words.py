@@ -58,7 +58,7 @@ def findings_on_light(names: Sequence[str], found: Exposures) -> list[Finding]:
     factor = found.factor
     order = map(int, np.argsort(-np.abs(np.log(factor))))
     off = [i for i in order if np.isfinite(factor[i])]
-    off = [i for i in off if not 1 / OFF <= factor[i] <= OFF]
+    off = [i for i in off if found.sure[i] and not 1 / OFF <= factor[i] <= OFF]
     pair = np.isfinite(factor).sum() == 2
     if off and pair:
         a, b = (names[i] for i in map(int, np.flatnonzero(np.isfinite(factor))))

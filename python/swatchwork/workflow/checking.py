@@ -16,7 +16,7 @@ from ..observe import Lights
 from ..progress import SILENT, Progress
 from ..report import write_sheet
 from ..surface import points_in_sight
-from .check_light import Exposures, exposures, sampled, white_radiance
+from .check_light import Exposures, exposures, mirrored_radiance, sampled, white_radiance
 from .check_page import check_sheet
 from .check_places import findings_on_shape
 from .check_shapes import frame_shape
@@ -106,7 +106,7 @@ def check_capture(
     names = [frame.name for frame in capture.frames]
     with progress.stage("Looking for what is wrong"):
         findings = findings_on_shape(thing.scene.meshes[0], shapes, [int(s.sum()) for s in seen])
-        found = Exposures(None, np.full(len(names), np.nan))
+        found = Exposures(None, np.full(len(names), np.nan), np.zeros(len(names), bool))
         counts = visible.sum(axis=0)
         shares = tuple(float(m.mean()) for m in (counts == 0, counts == 1, counts >= 2))
         coverage = (shares[0], shares[1], shares[2])
@@ -114,7 +114,11 @@ def check_capture(
             # What is sampled through a wrong pose is no exposure.
             misplaced = {name for f in findings for name in f.frames}
             values[[name in misplaced for name in names]] = np.nan
-            found = exposures(values, white_radiance(of_frame, thing.points, thing.sky))
+            found = exposures(
+                values,
+                white_radiance(of_frame, thing.points, thing.sky),
+                mirrored_radiance(of_frame, [f.camera for f in capture.frames], thing.points),
+            )
             findings += findings_on_light(names, found)
             findings += findings_on_coverage(coverage, shapes)
     centre, radius = thing.centre, thing.radius
