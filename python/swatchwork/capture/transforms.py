@@ -152,7 +152,10 @@ def _camera(fields: Fields, image_path: Path) -> Camera:
         width, height = image_size(image_path)
     else:
         raise InputError(
-            'keys "w" and "h" are missing', file=fields.where, expected="the image size in pixels"
+            'keys "w" and "h" are missing',
+            file=fields.where,
+            expected="the image size in pixels",
+            hint=f"There is no {image_path} to take it from",
         )
     if "fl_x" in fields.values or ("fl_x" in fields and "camera_angle_x" not in fields.values):
         fx = fields.number("fl_x", positive=True)

@@ -17,6 +17,7 @@ import typer.main
 from ..errors import SwatchworkError
 from . import prepare
 from .analyze import analyze
+from .check import check
 from .console import stderr
 from .demo import demo
 from .evaluate import evaluate
@@ -71,7 +72,7 @@ def _common(
     pass
 
 
-for command in (reconstruct, relight, evaluate, plan, analyze, demo, reproduce, info):
+for command in (reconstruct, relight, evaluate, plan, analyze, check, demo, reproduce, info):
     text, _, examples = (command.__doc__ or "").partition("Examples:")
     app.command(help=text, epilog=f"[bold]Examples:[/bold]\n\n{dedent(examples).strip()}")(command)
 app.add_typer(prepare.app, name="prepare")

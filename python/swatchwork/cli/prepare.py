@@ -11,6 +11,7 @@ from typing import Any
 import typer
 
 from .prepare_calibrate import calibrate
+from .prepare_import import import_
 from .prepare_linearize import linearize
 from .prepare_probe import probe
 
@@ -20,7 +21,7 @@ From photographs to a capture: linear radiance, camera intrinsics, the light pro
 Each step has a figure of merit and a picture to check by eye.
 """
 
-STEPS: tuple[Callable[..., Any], ...] = (linearize, calibrate, probe)
+STEPS: tuple[Callable[..., Any], ...] = (linearize, calibrate, probe, import_)
 """The commands, in the order of use."""
 
 app = typer.Typer(
@@ -32,4 +33,6 @@ app = typer.Typer(
 )
 for step in STEPS:
     text, _, examples = (step.__doc__ or "").partition("Examples:")
-    app.command(help=text, epilog=f"[bold]Examples:[/bold]\n\n{dedent(examples).strip()}")(step)
+    # A keyword of the language is a name with an underscore behind it.
+    name = step.__name__.rstrip("_").replace("_", "-")
+    app.command(name=name, help=text, epilog=f"[bold]Examples:[/bold]\n\n{dedent(examples).strip()}")(step)

@@ -5,6 +5,7 @@
 from ..reconstruct import ReconstructOptions
 from ..solve import SolveOptions
 from .analysing import AnalysisSummary, analyze_views
+from .checking import CheckSummary, check_capture
 from .costs import CostRecorder, StageCost
 from .demonstration import DemoSummary, run_demo
 from .describing import describe
@@ -16,6 +17,7 @@ from .scenes import environments_of
 
 __all__ = [
     "AnalysisSummary",
+    "CheckSummary",
     "CostRecorder",
     "DemoSummary",
     "PlanSummary",
@@ -25,6 +27,7 @@ __all__ = [
     "SolveOptions",
     "StageCost",
     "analyze_views",
+    "check_capture",
     "describe",
     "digest_of_the_package",
     "environments_of",
