@@ -150,7 +150,7 @@ def _misfits(off: list[FrameShape], judged: int) -> list[Finding]:
                 f"axes nor "
                 f"other photographs' poses explain it. In {worst[0].frame.name}, "
                 f"{worst[0].offset_in_words()}.",
-                "Register the mesh to the cameras (swatchwork prepare register), or check that both are "
+                "Align the mesh with the cameras, or check that both are "
                 "in one "
                 "world and that the masks are the object's.",
                 tuple(s.frame.name for s in worst),
