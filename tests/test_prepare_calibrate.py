@@ -193,7 +193,7 @@ def test_command_writes_intrinsics_figures_and_a_picture(
     )
     said = json.loads(capsys.readouterr().out)
     written = json.loads(out.read_text(encoding="utf-8"))
-    assert {f.name for f in out.parent.iterdir()} == {"intrinsics.json", "intrinsics.png"}
+    assert {f.name for f in out.parent.iterdir()} == {"intrinsics.json", "intrinsics.corners.png"}
     for key in ("w", "h", "fl_x", "fl_y", "cx", "cy", "k1", "k2", "p1", "p2"):
         assert written[key] == said[key]
     assert (written["w"], written["h"]) == (640, 480)
@@ -202,7 +202,7 @@ def test_command_writes_intrinsics_figures_and_a_picture(
     assert np.sqrt(np.mean(np.square([*figures["image_rms_px"].values()]))) == pytest.approx(
         figures["rms_px"]
     )
-    picture = cv2.imread(str(out.with_suffix(".png")))
+    picture = cv2.imread(str(out.with_name("intrinsics.corners.png")))
     assert picture.shape == (930, 1200, 3)
 
 

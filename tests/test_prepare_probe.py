@@ -457,17 +457,16 @@ def test_real_views_from_two_sides_find_their_rotation(shared: Path) -> None:
 
 
 def test_what_linearize_read_of_a_clipped_lamp_counts(tmp_path: Path) -> None:
-    """Alpha 0 with `least` channels: the lamp is at least as bright as the shortest exposure says."""
+    """Clipped pixels keep their reading, where it is more than what lies around them."""
     from swatchwork.capture import write_exr_channels
     from swatchwork.workflow.preparing_probe import _view
 
-    image = np.full((40, 40, 3), 0.5, np.float32)
-    alpha = np.ones((40, 40), np.float32)
-    alpha[18:22, 18:22] = 0
-    channels = {c: image[..., i] * alpha for i, c in enumerate("RGB")} | {"A": alpha}
-    channels |= {f"least.{c}": np.where(alpha > 0, 0, 7.0).astype(np.float32) for c in "RGB"}
+    lamp = np.zeros((40, 40), bool)
+    lamp[18:22, 18:22] = True
+    channels = {c: np.where(lamp, 7.0, 0.5).astype(np.float32) for c in "RGB"}
+    channels |= {f"clipped.{c}": lamp.astype(np.float32) for c in "RGB"}
     file = tmp_path / "ball.exr"
     write_exr_channels(file, channels)
     view = _view(file, (20.0, 20.0, 15.0), None, None, None, None, False)
-    assert view.clipped[20, 20] and view.radiance[20, 20, 0] == pytest.approx(7.0, rel=1e-3)
+    assert (view.clipped == lamp).all() and view.radiance[20, 20, 0] == pytest.approx(7.0, rel=1e-3)
     assert view.radiance[5, 20, 0] == pytest.approx(0.5, rel=1e-3)

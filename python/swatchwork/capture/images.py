@@ -43,7 +43,8 @@ class Image:
 def read_image(path: Path) -> Image:
     """Read by suffix: EXR and .hdr as linear numbers, PNG and JPEG decoded from sRGB.
 
-    EXR alpha is taken as premultiplied, PNG alpha as straight. Numbers that are no radiance (negative,
+    EXR alpha is taken as premultiplied, PNG alpha as straight; EXR channels clipped.R, .G and .B mark
+    saturated pixels. Numbers that are no radiance (negative,
     not finite) come through: what they mean is the caller's to say. A JPEG's orientation tag is left
     alone, since calibrations speak of the pixels as stored.
 
@@ -158,7 +159,10 @@ def _read_exr(path: Path) -> Image:
                 expected="coverage between 0 and 1",
             )
         alpha = np.clip(alpha, 0, 1)
-    return Image(linear, alpha, np.zeros(linear.shape[:2], dtype=bool))
+    # As `prepare linearize` marks what is saturated: the numbers there are a reading, not the light.
+    marks = [channels[f"clipped.{c}"] > 0 for c in "RGB" if f"clipped.{c}" in channels]
+    clipped = np.any(marks, axis=0) if marks else np.zeros(linear.shape[:2], dtype=bool)
+    return Image(linear, alpha, np.asarray(clipped, dtype=np.bool_))
 
 
 def _colour_layer(path: Path, names: list[str]) -> str:

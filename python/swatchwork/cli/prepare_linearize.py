@@ -77,7 +77,7 @@ def linearize(
 
     Every value is divided by exposure time, ISO speed and aperture, so that photographs and light probe come
     out on one scale. Read both with the same --response (JPEG) or --white-balance (RAW). Pixels saturated in
-    every exposure have alpha 0: they are missing, not white.
+    every exposure are marked (clipped.R, .G, .B): missing, not white.
 
     Examples:
 

@@ -53,6 +53,14 @@ class Charuco:
         if not hasattr(cv2.aruco, f"DICT_{self.dictionary}"):
             known = sorted(name[5:] for name in dir(cv2.aruco) if name.startswith("DICT_"))
             raise InputError(f"no markers {self.dictionary!r}", expected="one of " + ", ".join(known))
+        markers = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{self.dictionary}"))
+        needed, there = self.columns * self.rows // 2, len(markers.bytesList)
+        if needed > there:
+            raise InputError(
+                f"{self.columns}x{self.rows} squares hold {needed} markers",
+                expected=f"at most the {there} of {self.dictionary}",
+                hint="Name the markers that the board was printed with",
+            )
 
 
 Board = Checkerboard | Charuco

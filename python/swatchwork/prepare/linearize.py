@@ -61,7 +61,7 @@ class LinearView:
     Attributes:
         name: of the EXR without its suffix.
         files: shortest exposure first, with ``exposures``.
-        missing: share of pixels saturated in all of them; alpha is 0 there.
+        missing: share of pixels saturated in all of them.
         thumbnail: F32[h, w, 4], premultiplied.
         saturated, residual, steps, negative: as in `Merged`.
     """
@@ -96,8 +96,8 @@ def linearize(
 ) -> Linearized:
     """Write ``folder/VIEW.exr`` of each view: radiance in units of `LinearizeOptions.reference`'s full scale.
 
-    Channels R, G, B, A (0 where a channel is saturated in every exposure, else 1), clipped.R, .G, .B (1 where
-    that channel is) and least.R, .G, .B (where A is 0, what the shortest exposure reads).
+    Channels R, G, B and clipped.R, .G, .B: 1 where that channel is saturated in every exposure, and R, G, B
+    are what the shortest one reads. `read_image` takes such pixels for missing.
 
     Args:
         files: all RAW, or all JPEG and PNG.
@@ -148,12 +148,11 @@ def linearize(
 
 def _write(file: Path, merged: Merged) -> None:
     channels: dict[str, npt.NDArray[np.floating]] = {
-        name: merged.radiance[..., c] for c, name in enumerate("RGB")
+        name: np.where(merged.missing, merged.least[..., c], merged.radiance[..., c])
+        for c, name in enumerate("RGB")
     }
-    channels["A"] = (~merged.missing).astype(np.float16)
     for c, name in enumerate("RGB"):
         channels[f"clipped.{name}"] = merged.clipped[..., c].astype(np.float16)
-        channels[f"least.{name}"] = merged.least[..., c]
     write_exr_channels(file, channels)
 
 

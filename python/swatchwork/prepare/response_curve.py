@@ -23,6 +23,7 @@ from ..capture import linear_from_srgb
 from ..errors import InputError
 
 SAMPLES = 256
+SMALLEST_PX = 32
 """Pixels of a bracket that a response is fitted to; 256 unknowns a channel ask for no fewer."""
 SMOOTHNESS = 20.0
 """Weight of its second differences: twice OpenCV's, which leaves the ripple of 8 bits in."""
@@ -93,8 +94,15 @@ def recover_response(
         brackets: photographs uint8 [H, W, 3] with the light each took in, at least two different ones.
 
     Raises:
-        InputError: the recovered response falls somewhere.
+        InputError: the pictures are too small; the recovered response falls somewhere.
     """
+    smallest = min(min(p.shape[:2]) for pictures, _ in brackets for p in pictures)
+    if smallest < SMALLEST_PX:
+        raise InputError(
+            f"a photograph has a side of {smallest} px",
+            expected=f"{SMALLEST_PX} or more, to recover the response from",
+            hint="Give --response srgb, gamma:2.2 or a linearize.json",
+        )
     logs = []
     for pictures, light in brackets:
         times = np.asarray(light, dtype=np.float32) / np.float32(max(light))

@@ -82,7 +82,7 @@ def calibrate_photographs(
         raise InputError(f"the output is {file}", expected="a file ending in .json")
     found = calibrate(_photographs([Path(place) for place in places]), board, progress)
     intrinsics, figures = intrinsics_of(found), figures_of(found)
-    picture = file.with_suffix(".png")
+    picture = file.with_name(f"{file.stem}.corners.png")
     text = json.dumps({"camera_model": "OPENCV", **intrinsics, "figures": figures}, indent=1, allow_nan=False)
     partial, drawn = (f.with_name(f.name + ".partial") for f in (file, picture))
     try:

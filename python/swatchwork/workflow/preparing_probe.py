@@ -20,7 +20,6 @@ from ..arrays import F64
 from ..capture import (
     Camera,
     read_capture,
-    read_exr_channels,
     read_image,
     write_exr,
     write_exr_channels,
@@ -36,7 +35,8 @@ from .probe_page import probe_sheet
 
 ORTHOGRAPHIC = (
     "No focal length was given: the camera is taken as orthographic, which puts lamps off by up to about the "
-    "angle that the ball's radius takes up as seen from the camera (11 degrees at 5 radii)."
+    "angle that the ball's radius takes up as seen from the camera (11 degrees at 5 radii) plus that of the "
+    "ball from the optical axis."
 )
 SIZE_TOLERANCE = 0.05
 """By which a ball's stated radius and distance may disagree with its outline."""
@@ -103,7 +103,8 @@ def prepare_probe(
     """Turn photographs of a mirror ball into probe.exr, with probe.json, probe_masks.exr and probe.html.
 
     Args:
-        photographs: linear EXR or .hdr; PNG and JPEG are decoded from sRGB. Alpha 0 marks clipped pixels.
+        photographs: linear EXR or .hdr; PNG and JPEG are decoded from sRGB. EXR channels clipped.R, .G, .B
+            and alpha 0 mark clipped pixels.
         output: the folder.
         balls: outlines in the photographs' order, (x, y, radius) or (x, y, a, b, degrees) in pixels; by
             default they are looked for.
@@ -219,20 +220,15 @@ def _view(
     if clip is not None:
         clipped |= (radiance >= clip).any(axis=-1)
     if image.alpha is not None:
-        gone = image.alpha <= 0
-        if gone.all():
-            raise InputError("all of it is clipped (alpha is 0)", file=file, expected="a shorter exposure")
-        radiance[~gone] /= image.alpha[~gone][:, None]
-        # What was saturated is no darker than what lies around it; the file may know more: `linearize` writes
-        # what the shortest exposure read there.
-        if file.suffix.lower() == ".exr":
-            channels = read_exr_channels(file)
-            if all(f"least.{c}" in channels for c in "RGB"):
-                least = np.stack([channels[f"least.{c}"] for c in "RGB"], axis=-1)
-                radiance[gone] = np.fmax(radiance[gone], least[gone])
-        nearest = distance_transform_edt(gone, return_distances=False, return_indices=True)
-        radiance[gone] = np.fmax(radiance[gone], radiance[tuple(nearest)][gone])
-        clipped |= gone
+        covered = image.alpha > 0
+        radiance[covered] /= image.alpha[covered][:, None]
+        clipped |= ~covered
+    if clipped.all():
+        raise InputError("all of it is clipped", file=file, expected="a shorter exposure")
+    # What was saturated is no darker than what lies around it; the file's reading may be more.
+    if clipped.any():
+        nearest = distance_transform_edt(clipped, return_distances=False, return_indices=True)
+        radiance[clipped] = np.fmax(radiance[clipped], radiance[tuple(nearest)][clipped])
     camera = None
     if frame is not None and focal_px is None and (frame.width, frame.height) != (width, height):
         raise InputError(
@@ -258,6 +254,8 @@ def _view(
 def _check_size(view: View, radius: float | None, distance: float | None) -> None:
     """A ball of another size than its outline says is another ball, or another focal length."""
     ball = view.outline.ball
+    if distance is not None and radius is None:
+        raise InputError("--ball-distance is given without --ball-radius", expected="both, in one unit")
     if radius is None or distance is None:
         return
     if not isinstance(ball, PerspectiveBall):
@@ -340,8 +338,8 @@ def _clipped_in_words(probe: Probe) -> str:
     share = probe.clipped_irradiance.sum() / max(probe.irradiance.sum(), 1e-300)
     return (
         f"{100 * probe.clipped_share:.3g} % of the sphere is clipped, which holds {100 * share:.0f} % of the "
-        "map's energy: the true energy there is at least so much, and how much more cannot be told without "
-        "shorter exposures."
+        "map's energy as read: the true energy there is about so much or more; how much more cannot be told "
+        "without shorter exposures."
     )
 
 
