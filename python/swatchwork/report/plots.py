@@ -99,4 +99,7 @@ def round_values(low: float, high: float) -> list[float]:
 
 def short(value: float) -> str:
     """A number for an axis."""
-    return f"{value:.3g}" if value == 0 or 1e-3 <= value < 1e4 else f"{value:.1e}".replace("e-0", "e-")
+    if value == 0 or 1e-3 <= value < 1e4:
+        return f"{value:.3g}"
+    digits, power = f"{value:.1e}".split("e")
+    return f"{digits.removesuffix('.0')}e{int(power)}"
