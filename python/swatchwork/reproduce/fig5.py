@@ -64,8 +64,8 @@ def claims(figures: Figures) -> list[Claim]:
             "Pruning gives similar fidelity with 47 % less computation.",
             f"NRMS {100 * apart:.1f} % apart, {100 * saved:.0f} % less processor time for the whole fit",
             saved > 0.3 and apart < 0.1,
-            f"a texel's supports fall from {brute['visited']:.0f} to {pruned['visited']:.0f}, but the fit spends "
-            "its time elsewhere, and the list leaves out supports that the best blends need.",
+            f"a texel's supports fall from {brute['visited']:.0f} to {pruned['visited']:.0f}, but the fit "
+            "spends its time elsewhere, and the list leaves out supports that the best blends need.",
         ),
         Claim(
             "Beyond the paper: the exact search has brute force's answer at part of its cost.",
