@@ -470,3 +470,30 @@ def test_what_linearize_read_of_a_clipped_lamp_counts(tmp_path: Path) -> None:
     view = _view(file, (20.0, 20.0, 15.0), None, None, None, None, False)
     assert (view.clipped == lamp).all() and view.radiance[20, 20, 0] == pytest.approx(7.0, rel=1e-3)
     assert view.radiance[5, 20, 0] == pytest.approx(0.5, rel=1e-3)
+
+
+def test_a_calibrated_lens_is_used(tmp_path: Path) -> None:
+    from swatchwork.workflow.preparing_calibrate import read_intrinsics
+    from swatchwork.workflow.preparing_probe import _view
+
+    file = tmp_path / "ball.exr"
+    write_exr(file, np.full((40, 60, 3), 0.5, np.float32))
+    lens = tmp_path / "intrinsics.json"
+    lens.write_text(
+        '{"w": 60, "h": 40, "fl_x": 90, "fl_y": 91, "cx": 31, "cy": 19, "k1": 0.02}', encoding="utf-8"
+    )
+    camera = read_intrinsics(lens)
+    assert (camera.fx, camera.fy, camera.cx, camera.cy, camera.k1, camera.k2) == (90, 91, 31, 19, 0.02, 0)
+    view = _view(file, (31.0, 19.0, 12.0), camera, None, None, None, False)
+    # On the axis, 12 px of 90: the ball is some 7.6 radii away.
+    assert view.outline.ball.distance == pytest.approx(90 / 12, rel=0.03)  # type: ignore[union-attr]
+    with pytest.raises(InputError, match="60 x 40"):
+        _view(file, (31.0, 19.0, 12.0), read_intrinsics(_smaller(lens)), None, None, None, False)
+    lens.write_text('{"w": 60}', encoding="utf-8")
+    with pytest.raises(InputError, match="cannot be read as intrinsics"):
+        read_intrinsics(lens)
+
+
+def _smaller(lens: Path) -> Path:
+    lens.write_text('{"w": 30, "h": 20, "fl_x": 45, "fl_y": 45, "cx": 15, "cy": 10}', encoding="utf-8")
+    return lens

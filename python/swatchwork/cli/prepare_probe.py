@@ -49,6 +49,9 @@ def probe(
         str | None,
         typer.Option(metavar="X,Y", help="Principal point in pixels.", show_default="the middle"),
     ] = None,
+    intrinsics: Annotated[
+        Path | None, typer.Option(help="Lens of all photographs: JSON of `prepare calibrate`.")
+    ] = None,
     pose: Annotated[
         list[str] | None,
         typer.Option(
@@ -109,6 +112,7 @@ def probe(
             balls=[_numbers("--ball", text) for text in ball or []],
             focal_px=focal,
             principal_px=(at[0], at[1]) if at else None,
+            intrinsics=intrinsics,
             poses=pose or [],
             radius=ball_radius,
             distance=ball_distance,

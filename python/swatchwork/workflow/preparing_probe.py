@@ -31,6 +31,7 @@ from ..prepare.panorama import Mirror, View
 from ..prepare.probe import Probe, probe_of_views
 from ..progress import SILENT, Progress
 from ..report import Sheet, write_sheet
+from .preparing_calibrate import read_intrinsics
 from .probe_page import probe_sheet
 
 ORTHOGRAPHIC = (
@@ -89,6 +90,7 @@ def prepare_probe(
     balls: Sequence[tuple[float, ...]] = (),
     focal_px: float | None = None,
     principal_px: tuple[float, float] | None = None,
+    intrinsics: str | PathLike[str] | None = None,
     poses: Sequence[str] = (),
     radius: float | None = None,
     distance: float | None = None,
@@ -110,6 +112,7 @@ def prepare_probe(
             default they are looked for.
         focal_px: focal length in pixels; by default that of the pose's frame, or else orthographic.
         principal_px: by default the frame's, or the middle.
+        intrinsics: JSON of ``prepare calibrate``: the lens of all photographs, in place of the poses'.
         poses: transforms.json files, or FILE#FRAME, of the photographs in order: the world is that of the
             first. Without ``#FRAME`` the frame that has the photograph's name. Those missing are estimated.
         radius: of the ball, and ``distance`` of its centre from the first camera, in one unit: checked
@@ -126,14 +129,28 @@ def prepare_probe(
     """
     start = time.perf_counter()
     files = [Path(p) for p in photographs]
-    _check(files, balls, poses, focal_px, principal_px, radius, distance, reflectance, clip)
+    _check(
+        files,
+        balls,
+        poses,
+        focal_px,
+        principal_px,
+        radius,
+        distance,
+        reflectance,
+        clip,
+        intrinsics is not None,
+    )
+    if intrinsics is not None and focal_px is not None:
+        raise InputError("--intrinsics and --focal are given", expected="one of them")
+    calibrated = read_intrinsics(intrinsics) if intrinsics is not None else None
     mirror = Mirror(np.broadcast_to(np.asarray(reflectance, dtype=np.float64), 3).copy(), fresnel)
     frames = [_pose(poses[i], files[i]) if i < len(poses) else None for i in range(len(files))]
     views = []
     with progress.stage("Finding the ball", len(files)) as task:
         for i, file in enumerate(files):
             shape = balls[i] if i < len(balls) else None
-            lens = frames[i] or (frames[0] if frames else None)
+            lens = calibrated or frames[i] or (frames[0] if frames else None)
             views.append(_view(file, shape, lens, focal_px, principal_px, clip, allow_cut))
             task.advance()
     _check_size(views[0], radius, distance)
@@ -161,6 +178,7 @@ def _check(
     distance: float | None,
     reflectance: Sequence[float],
     clip: float | None,
+    calibrated: bool,
 ) -> None:
     if not files:
         raise InputError("no photograph is given", expected="one or more of a mirror ball")
@@ -182,7 +200,7 @@ def _check(
             f"the camera is {distance:g} from the centre of a ball of radius {radius:g}",
             expected="a camera outside the ball, both in one unit",
         )
-    if principal_px is not None and focal_px is None and not poses:
+    if principal_px is not None and focal_px is None and not poses and not calibrated:
         raise InputError("--principal is given without a focal length", expected="--focal, too")
     if len(reflectance) not in (1, 3):
         raise InputError(f"--reflectance has {len(reflectance)} numbers", expected="one, or R,G,B")
@@ -234,11 +252,13 @@ def _view(
         raise InputError(
             f"the photograph is {width} x {height}",
             file=file,
-            expected=f"{frame.width} x {frame.height}, as its frame in transforms.json says",
+            expected=f"{frame.width} x {frame.height}, as its frame or intrinsics say",
         )
     if focal_px is not None:
         cx, cy = principal_px or (width / 2, height / 2)
-        camera = Camera(width, height, focal_px, focal_px, cx, cy, np.eye(4))
+        # A focal length by hand replaces that of the pose's frame; its distortion stays.
+        lens = (frame.k1, frame.k2, frame.p1, frame.p2) if frame is not None else (0.0, 0.0, 0.0, 0.0)
+        camera = Camera(width, height, focal_px, focal_px, cx, cy, np.eye(4), *lens)
     elif frame is not None:
         cx, cy = principal_px or (frame.cx, frame.cy)
         lens = frame.k1, frame.k2, frame.p1, frame.p2
