@@ -68,7 +68,7 @@ def plan(
     basis: Annotated[BasisName, typer.Option(help="Generic basis.")] = BasisName.extended,
     criterion: Annotated[
         Optimal, typer.Option(help="A: least variance left; D: most information.")
-    ] = Optimal.A,
+    ] = Optimal.D,
     seed: Seed = 0,
     threads: Threads = None,
     as_json: AsJson = False,

@@ -81,7 +81,7 @@ def plan_views(
     condition: float | None = None,
     have: str | PathLike[str] | None = None,
     occluders: Sequence[str | PathLike[str]] = (),
-    criterion: Criterion = "A",
+    criterion: Criterion = "D",
     lowest_degrees: float = -90.0,
     distance: float = 4.0,
     size: int = 1024,
