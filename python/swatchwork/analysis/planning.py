@@ -109,7 +109,7 @@ def next_best_views(
     Args:
         candidates: views to choose from; all by default.
         have: views already taken.
-        sigma: noise of a measurement, relative to the spread of its response; by default that of the criterion.
+        sigma: noise of a measurement, relative to the spread of its response; SIGMAS by default.
         blended: n, whose (n - 1)th singular value gives the condition number.
         quantile: of the points' condition numbers, for ``enough``.
         enough: condition number to stop at.
