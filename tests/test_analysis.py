@@ -193,7 +193,9 @@ def test_a_plan_goes_on_from_views_at_hand_and_stops_when_told() -> None:
     assert whole.coverage[-1] >= whole.coverage[1] and (np.diff(whole.left) < 0).all()
     wanted = float(next_best_views(prior, 12).condition[-1])
     stopped = next_best_views(prior, 40, enough=wanted)
-    assert stopped.condition[-1] <= wanted and len(stopped.chosen) <= 14
+    # It stops long before all candidates are taken, and not before it is there.
+    assert stopped.condition[-1] <= wanted < stopped.condition[-2] and len(stopped.chosen) <= 20
+    assert (np.diff(stopped.left) < 0).all()
     # Planned views leave less unknown than the same number of random ones.
     rng = np.random.default_rng(0)
     left = [next_best_views(prior, 0, have=rng.permutation(40)[:6]).left[0] for _ in range(10)]

@@ -115,12 +115,13 @@ def next_best_views(
         enough: condition number to stop at.
         trace: give ``left`` and the like for each of ``have`` too, beginning before the first.
     """
-    covariance = prior.covariance.copy()
+    # In double: what is left after many views is small beside what was there.
+    covariance = prior.covariance.astype(np.float64)
     free = np.zeros(prior.seen.shape[1], bool)
     free[list(range(prior.seen.shape[1]) if candidates is None else candidates)] = True
     can_be_seen: Bool = np.asarray(prior.seen.any(axis=1))
     spread = SIGMAS[criterion] if sigma is None else sigma
-    noise = np.where(prior.seen, spread**2 / np.maximum(prior.cosine, 1e-3), np.inf).astype(np.float32)
+    noise = np.where(prior.seen, spread**2 / np.maximum(prior.cosine, 1e-3), np.inf)
 
     def remaining() -> float:
         return float(np.einsum("mvv,mv->", covariance, prior.cosine))

@@ -31,8 +31,8 @@ CANDIDATES = 150
 POINTS = 600
 MOST = 60
 """Views at most, where a condition number is to be reached."""
-MOST_CANDIDATES = 500
-"""And views at hand: their correlations take 4 bytes a point and pair of them, 0.6 GB."""
+MOST_CANDIDATES = 300
+"""And views at hand: what is known of them takes 20 bytes a point and pair of them, 1.1 GB."""
 RANDOM_TRIALS = 5
 
 
