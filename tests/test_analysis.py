@@ -162,7 +162,7 @@ def test_next_best_view_is_the_best_of_all_by_brute_force(criterion: str) -> Non
         total = 0.0
         for m in range(len(prior.seen)):
             taken = [v for v in chosen if prior.seen[m, v]]
-            K = prior.covariance[m].astype(np.float64)
+            K = prior.correlation[m].astype(np.float64)
             noise = np.diag(0.25 / prior.cosine[m, taken].astype(np.float64))
             known = K[np.ix_(taken, taken)] + noise
             if criterion == "D":

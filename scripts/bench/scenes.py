@@ -19,7 +19,7 @@ from pathlib import Path
 
 import shared
 
-from swatchwork.reproduce.objects import MASKING, NOISE_PERCENT, ROWS, TABLE, Row
+from swatchwork.reproduce.objects import ROWS, Row
 
 TEST_VIEWS = 4
 
@@ -43,25 +43,9 @@ def capture_of(name: str, size: int) -> Path:
 
 def make(row: Row, size: int, folder: Path) -> None:
     """Write the capture of a row."""
-    from swatchwork.simulate import many_materials, simulate_capture
+    from swatchwork.simulate import simulate_capture
 
-    seed = TABLE.index(row)
-    simulate_capture(
-        folder,
-        object_shape=row.shape,
-        rows=row.rows,
-        k=row.k,
-        test_views=TEST_VIEWS,
-        size=size,
-        seed=seed,
-        truth="ggx",
-        masking=MASKING,
-        recipes=many_materials(row.N, seed),
-        materials=row.N,
-        blended=row.n,
-        patches=row.patches,
-        noise_percent=NOISE_PERCENT,
-    )
+    simulate_capture(folder, test_views=TEST_VIEWS, size=size, **row.simulation())
 
 
 def main() -> None:

@@ -34,6 +34,8 @@ import scenes
 import shared
 from shared import results
 
+from swatchwork.reproduce import objects
+
 PARTS = ("read", "respond", "gram", "blend", "hard")
 CRITERION = results.ROOT / "target" / "criterion"
 TILE = 40_000
@@ -184,7 +186,7 @@ def mixed(n: int, N: int, k: int, texels: int) -> tuple[Any, Any, Any]:
     def responses(basis: Any, representatives: Any) -> Any:
         return representative_responses(basis, representatives, light, normal, to_viewer)
 
-    truth = responses(ggx_basis(scenes.MASKING), in_ggx(recipes, scenes.MASKING))
+    truth = responses(ggx_basis(objects.MASKING), in_ggx(recipes, objects.MASKING))
     full = dense_weights(*blend_pattern(point, materials=N, blended=n, patches=5.0), N)
     weights = np.repeat(full, np.diff(offsets), axis=0)
     return responses(paper(), in_basis(recipes, paper())), np.einsum("pn,pnc->pc", weights, truth), offsets
@@ -193,7 +195,7 @@ def mixed(n: int, N: int, k: int, texels: int) -> tuple[Any, Any, Any]:
 def noisy(radiance: Any, seed: int) -> Any:
     import numpy as np
 
-    noise = 1 + scenes.NOISE_PERCENT / 100 * np.random.default_rng(seed).normal(size=radiance.shape)
+    noise = 1 + objects.NOISE_PERCENT / 100 * np.random.default_rng(seed).normal(size=radiance.shape)
     return (radiance * noise).astype(np.float32)
 
 
@@ -206,7 +208,7 @@ def blend(args: argparse.Namespace) -> dict[str, Any]:
     from swatchwork.solve import blend as blended
 
     found = []
-    for row in scenes.TABLE:
+    for row in objects.TABLE:
         responses, radiance, offsets = mixed(row.n, row.N, row.k, PRICED_TEXELS)
         radiance = noisy(radiance, 0)
         start = time.perf_counter()

@@ -13,11 +13,12 @@ from .conditioning import (
     singular_values,
 )
 from .confidence import fit_error_model, spread_of_representatives
-from .directions import Directions, in_local_frames
+from .directions import LEAST, Directions, directional_responses, in_local_frames
 from .planning import Criterion, Plan, Prior, next_best_views, prior_of, uniform_views
 
 __all__ = [
     "BLENDED",
+    "LEAST",
     "NOISE",
     "Conditioning",
     "Criterion",
@@ -28,6 +29,7 @@ __all__ = [
     "blend_spectra",
     "condition_numbers",
     "conditioning",
+    "directional_responses",
     "fit_error_model",
     "in_local_frames",
     "next_best_views",

@@ -29,14 +29,22 @@ class Directions:
     ) -> F32:
         """Responses [P, J]; 0 where the light is below the horizon or hidden."""
         i = self.of_view[view]
-        n: F64 = np.asarray(normal, np.float64)
-        cosine = np.einsum("px,px->p", n, i)
-        open_sky = _sees_sky(sky, point, i)
-        lit = np.flatnonzero((cosine > LEAST) & open_sky)
-        found = np.zeros((len(view), basis.kernels), np.float32)
-        local_i, local_o = in_local_frames(n[lit], i[lit], to_viewer[lit])
-        found[lit] = np.pi * cosine[lit, None] * basis.evaluate(local_i, local_o)
-        return found
+        found = directional_responses(basis, np.asarray(normal, np.float64), to_viewer, i)
+        found[~_sees_sky(sky, point, i)] = 0
+        return found.astype(np.float32)
+
+
+def directional_responses(basis: GenericBasis, normal: F64, to_viewer: F64, to_light: F64) -> F64:
+    """Responses [P, J] of the kernels to a light of irradiance pi (on a surface that faces it) a pair.
+
+    Unit directions [P, 3], world; 0 where light or viewer is below the horizon (a cosine of LEAST).
+    """
+    cosine, seen = (np.einsum("px,px->p", normal, d) for d in (to_light, to_viewer))
+    lit = np.flatnonzero((cosine > LEAST) & (seen > LEAST))
+    found = np.zeros((len(normal), basis.kernels))
+    local_i, local_o = in_local_frames(normal[lit], to_light[lit], to_viewer[lit])
+    found[lit] = np.pi * cosine[lit, None] * basis.evaluate(local_i, local_o)
+    return found
 
 
 def _sees_sky(sky: SkyMasks, point: I64, direction: F64) -> np.ndarray:

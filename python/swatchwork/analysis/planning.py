@@ -42,8 +42,8 @@ ENOUGH = 0.1
 class Prior:
     """What is known before the first photograph: responses of M points in V candidate views."""
 
-    covariance: F32
-    """[M, V, V] correlations; rows and columns of views that do not see the point are 0."""
+    correlation: F32
+    """[M, V, V]; rows and columns of views that do not see the point are 0."""
     seen: Bool
     """[M, V]"""
     cosine: F32
@@ -54,9 +54,9 @@ class Prior:
 
 
 def prior_of(views: Views, basis: GenericBasis, progress: Progress = SILENT) -> Prior:
-    """Covariances of all points and candidate views."""
+    """Correlations of all points and candidate views."""
     count, V = views.seen.shape
-    covariance = np.zeros((count, V, V), np.float32)
+    correlation = np.zeros((count, V, V), np.float32)
     cosine, spread = np.zeros((count, V), np.float32), np.zeros((count, V), np.float32)
     step = max(1, (1 << 15) // max(1, int(np.ceil(views.seen.mean() * V))))
     with progress.stage("Responses of the candidate views", count) as task:
@@ -68,9 +68,9 @@ def prior_of(views: Views, basis: GenericBasis, progress: Progress = SILENT) -> 
             spread[point, view] = size = np.maximum(np.linalg.norm(responses, axis=1), 1e-30)
             rows = np.zeros((part.stop - start, V, basis.kernels), np.float32)
             rows[point - start, view] = responses / size[:, None]
-            covariance[part] = rows @ rows.transpose(0, 2, 1)
+            correlation[part] = rows @ rows.transpose(0, 2, 1)
             task.advance(part.stop - start)
-    return Prior(covariance, views.seen, cosine, spread, basis.kernels)
+    return Prior(correlation, views.seen, cosine, spread, basis.kernels)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +116,7 @@ def next_best_views(
         trace: give ``left`` and the like for each of ``have`` too, beginning before the first.
     """
     # In double: what is left after many views is small beside what was there.
-    covariance = prior.covariance.astype(np.float64)
+    covariance = prior.correlation.astype(np.float64)
     free = np.zeros(prior.seen.shape[1], bool)
     free[list(range(prior.seen.shape[1]) if candidates is None else candidates)] = True
     can_be_seen: Bool = np.asarray(prior.seen.any(axis=1))
@@ -184,7 +184,7 @@ def _conditions(prior: Prior, taken: list[int], blended: int) -> F64:
     if not taken:
         return np.full(len(prior.seen), np.inf)
     spread = prior.spread[:, taken].astype(np.float64)
-    grams = prior.covariance[:, taken][:, :, taken] * spread[:, :, None] * spread[:, None, :]
+    grams = prior.correlation[:, taken][:, :, taken] * spread[:, :, None] * spread[:, None, :]
     return condition_numbers(blend_spectra(grams, [len(taken)], prior.kernels)[0], blended)
 
 

@@ -56,7 +56,7 @@ def calibrate(
     swatchwork prepare calibrate board-photos --charuco 7x5 --marker 0.7 -o intrinsics.json
     """
     from ..prepare import Board, Charuco, Checkerboard
-    from ..workflow.preparing_calibrate import calibrate_photographs
+    from ..workflow import calibrate_photographs
 
     with session(as_json=as_json, quiet=quiet, verbose=verbose) as run:
         if board is not None and charuco is not None:

@@ -88,7 +88,7 @@ def linearize(
     swatchwork prepare linearize card/*.NEF -o linear --white-balance 2.1,1,1.4
     """
     from ..prepare import LinearizeOptions
-    from ..workflow.preparing_linearize import linearize_photographs
+    from ..workflow import linearize_photographs
 
     with session(as_json=as_json, quiet=quiet, verbose=verbose) as run:
         options = LinearizeOptions(

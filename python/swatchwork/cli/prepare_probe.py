@@ -100,7 +100,7 @@ def probe(
 
     swatchwork prepare probe ball1.exr ball2.exr --pose my-capture/transforms.json --reflectance 0.6 -o probe
     """
-    from ..workflow.preparing_probe import prepare_probe
+    from ..workflow import prepare_probe
 
     with session(as_json=as_json, quiet=quiet, verbose=verbose) as run:
         at = _numbers("--principal", principal) if principal else None

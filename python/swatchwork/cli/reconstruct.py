@@ -12,14 +12,7 @@ import typer
 
 from ..errors import InputError
 from .console import session
-from .options import AsJson, Quiet, Seed, Threads, Verbose, use_threads
-
-
-class Basis(StrEnum):
-    """Names of the generic bases."""
-
-    paper = "paper"
-    extended = "extended"
+from .options import AsJson, BasisName, Quiet, Seed, Threads, Verbose, use_threads
 
 
 class Search(StrEnum):
@@ -63,11 +56,11 @@ def reconstruct(
         ),
     ] = None,
     basis: Annotated[
-        Basis,
+        BasisName,
         typer.Option(
             help="Generic BRDFs: as published, or with what measured materials need at grazing angles."
         ),
-    ] = Basis.extended,
+    ] = BasisName.extended,
     views: Annotated[
         int | None,
         typer.Option(min=1, metavar="K", help="Use the first K photographs only.", show_default="all"),

@@ -13,12 +13,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from ..arrays import F32, F64, I32, I64, Bool, Float
+from ..arrays import F32, F64, I32, I64, U8, U32, Bool, Float
 from ..errors import InputError
+
+Weights = TypeVar("Weights", F32, F64)
 
 LEAST = 1e-3
 """Relative errors and changes below it count alike: no photograph tells them apart."""
@@ -145,9 +147,9 @@ def _shifted(height: int, width: int, dy: int, dx: int) -> tuple[tuple[slice, sl
     return (y0, x0), (y1, x1)
 
 
-def dense(index: np.ndarray, weight: Float, N: int) -> F32:
-    """Weights [..., N] from n slots [..., n]."""
-    found = np.zeros((*index.shape[:-1], N), np.float32)
+def dense(index: U8 | U32, weight: Weights, N: int) -> Weights:
+    """Weights [..., N] from n slots [..., n], in the slots' precision; repeated indices add up."""
+    found = np.zeros((*index.shape[:-1], N), weight.dtype)
     flat = found.reshape(-1, N)
     at = np.arange(len(flat))
     for i in range(index.shape[-1]):

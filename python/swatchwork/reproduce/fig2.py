@@ -8,7 +8,13 @@ from functools import partial
 
 import numpy as np
 
-from ..analysis import blend_spectra, condition_numbers, in_local_frames, singular_values
+from ..analysis import (
+    LEAST,
+    blend_spectra,
+    condition_numbers,
+    directional_responses,
+    singular_values,
+)
 from ..arrays import F64, Bool, unit
 from ..light import Environment
 from ..reflectance import GenericBasis, paper
@@ -29,8 +35,6 @@ TOLERANCES = (0.01, 1e-4)
 """Of the largest singular value, below which one counts as zero: the noise of a photograph, and less."""
 ALIKE = 0.2
 """Relative difference of ranks that counts as none."""
-LEAST = 0.03
-"""n.o from which on a view sees a point."""
 
 
 def measure(setting: Setting) -> Figures:
@@ -82,14 +86,9 @@ def _curve(setting: Setting, normal: F64, light: str, most: int) -> Figures:
 
 def directional(basis: GenericBasis, normal: F64, views: F64, lights: F64) -> F64:
     """Responses [M, V, J] to a directional light of irradiance pi a view, of unit cosine-weighted power."""
-    n, o = np.repeat(normal, len(views), axis=0), np.tile(views, (len(normal), 1))
-    i = np.tile(lights, (len(normal), 1))
-    cosine = np.einsum("px,px->p", n, i)
-    lit = np.flatnonzero((cosine > LEAST) & (np.einsum("px,px->p", n, o) > LEAST))
-    found = np.zeros((len(n), basis.kernels))
-    local_i, local_o = in_local_frames(n[lit], i[lit], o[lit])
-    found[lit] = np.pi * cosine[lit, None] * basis.evaluate(local_i, local_o)
-    return found.reshape(len(normal), len(views), -1)
+    V = len(views)
+    pairs = np.repeat(normal, V, axis=0), *(np.tile(d, (len(normal), 1)) for d in (views, lights))
+    return directional_responses(basis, *pairs).reshape(len(normal), V, -1)
 
 
 def environmental(basis: GenericBasis, normal: F64, views: F64, light: Environment, rotation: F64) -> F64:

@@ -5,6 +5,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
+
+from ..simulate import many_materials
 
 
 @dataclass(frozen=True)
@@ -24,6 +27,23 @@ class Row:
     """Frequency of the blend's pattern: enough for all N materials to show."""
     size: int = 512
     """Pixels along an image's side."""
+
+    def simulation(self) -> dict[str, Any]:
+        """What `simulate_capture` is told of the object and its views; size and light are the caller's."""
+        seed = TABLE.index(self)
+        return {
+            "object_shape": self.shape,
+            "rows": self.rows,
+            "k": self.k,
+            "seed": seed,
+            "truth": "ggx",
+            "masking": MASKING,
+            "recipes": many_materials(self.N, seed),
+            "materials": self.N,
+            "blended": self.n,
+            "patches": self.patches,
+            "noise_percent": NOISE_PERCENT,
+        }
 
 
 # 50,000 triangles are 4 rows^2 of a blob or a plate, 12 rows^2 of a knot.

@@ -22,7 +22,6 @@ from ..report import crop_box, display, exposure_for
 from ..simulate import (
     SyntheticCapture,
     camera_towards,
-    many_materials,
     photograph,
     random_directions,
     simulate_capture,
@@ -32,7 +31,7 @@ from ..workflow import ReconstructOptions
 from ..workflow.pages import relit
 from ..workflow.recovery import recover
 from .experiment import Claim, Experiment, Figures, Setting, Table
-from .objects import MASKING, NOISE_PERCENT, TABLE, Row
+from .objects import TABLE, Row
 from .pictures import caption, write_flat, write_small
 
 CAPTURED, NOVEL = "stpeters", ("rnl", "uffizi")
@@ -66,22 +65,9 @@ def _object(setting: Setting, row: Row, seed: int) -> list[Figures]:
     size = setting.pick(SIZE, 96)
     options = ReconstructOptions(resolution=setting.pick(RESOLUTION, 64), texels=setting.pick(4000, 400))
     with tempfile.TemporaryDirectory() as folder:
+        told = row.simulation() | {"rows": setting.pick(row.rows, 24)}
         made = simulate_capture(
-            Path(folder) / "capture",
-            object_shape=row.shape,
-            rows=setting.pick(row.rows, 24),
-            k=row.k,
-            test_views=1,
-            size=size,
-            seed=seed,
-            truth="ggx",
-            masking=MASKING,
-            recipes=many_materials(row.N, seed),
-            materials=row.N,
-            blended=row.n,
-            patches=row.patches,
-            noise_percent=NOISE_PERCENT,
-            lights=(light, novel[0]),
+            Path(folder) / "capture", test_views=1, size=size, lights=(light, novel[0]), **told
         )
         radius = float(np.linalg.norm(made.subject.mesh.vertices, axis=1).max())
         cameras = [camera_towards(d, size, radius) for d in random_directions(TEST_VIEWS, seed + TEST_SEED)]

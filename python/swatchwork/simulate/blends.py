@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..arrays import F64, U32
+from ..material import dense
 from .environments import waves
 
 
@@ -46,6 +47,4 @@ def blend_pattern(
 
 def dense_weights(index: U32, weight: F64, materials: int) -> F64:
     """Blend weights as a full matrix [M, N]; repeated indices add up."""
-    full = np.zeros((index.shape[0], materials))
-    np.add.at(full, (np.arange(index.shape[0])[:, None], index), weight)
-    return full
+    return dense(index, weight, materials)

@@ -11,6 +11,9 @@ from .demonstration import DemoSummary, run_demo
 from .describing import describe
 from .measuring import evaluate_folders
 from .planning import PlanSummary, plan_views
+from .preparing_calibrate import calibrate_photographs
+from .preparing_linearize import linearize_photographs
+from .preparing_probe import prepare_probe
 from .recovery import ReconstructSummary, digest_of_the_package, fingerprints, reconstruct_folder
 from .relighting import RelightSummary, given_environment, relight_folder
 from .scenes import environments_of
@@ -27,6 +30,7 @@ __all__ = [
     "SolveOptions",
     "StageCost",
     "analyze_views",
+    "calibrate_photographs",
     "check_capture",
     "describe",
     "digest_of_the_package",
@@ -34,7 +38,9 @@ __all__ = [
     "evaluate_folders",
     "fingerprints",
     "given_environment",
+    "linearize_photographs",
     "plan_views",
+    "prepare_probe",
     "reconstruct_folder",
     "relight_folder",
     "run_demo",

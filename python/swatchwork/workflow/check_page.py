@@ -170,8 +170,7 @@ def _probe(first: FrameShape, light: Environment, albedo: float | None) -> Secti
     text = (
         f"All three at one exposure, as the camera of {first.frame.name} sees them. Lamps and windows in the "
         "mirror should be where the object's highlights say; the grey ball (half of the light reflected) "
-        "should "
-        "be lit from the same side as the object."
+        "should be lit from the same side as the object."
     )
     if albedo is not None:
         text += f" The object reflects {100 * albedo:.0f} % of the light, by its mean radiance."

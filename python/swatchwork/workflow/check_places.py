@@ -66,8 +66,7 @@ def _units(scene: RayScene, tried: list[FrameShape], away: float) -> Finding:
         if other > 0.85:
             guess = (
                 f"With the mesh {move.words}, its silhouette covers the photographs' (intersection over "
-                f"union "
-                f"{other:.2f})."
+                f"union {other:.2f})."
             )
     near = away < NEAREST
     return Finding(
@@ -76,8 +75,7 @@ def _units(scene: RayScene, tried: list[FrameShape], away: float) -> Finding:
         "Mesh and cameras are in different units",
         f"The cameras stand {away:.3g} radii of the mesh away from its centre; photographs are taken from "
         f"{NEAREST:g} to {FARTHEST:g}. The mesh is too {'large' if near else 'small'}, or the distances "
-        f"of the "
-        f"cameras too {'small' if near else 'large'}. {guess}",
+        f"of the cameras too {'small' if near else 'large'}. {guess}",
         "Scale the mesh, or the positions in transform_matrix, so that both have one unit.",
     )
 
@@ -147,11 +145,9 @@ def _misfits(off: list[FrameShape], judged: int) -> list[Finding]:
                 "wrong",
                 f"The mesh does not cover the object in {len(off)} of {judged} photographs",
                 f"Their median intersection over union is {middle:.2f}. Neither a swap or reversal of "
-                f"axes nor "
-                f"other photographs' poses explain it. In {worst[0].frame.name}, "
+                f"axes nor other photographs' poses explain it. In {worst[0].frame.name}, "
                 f"{worst[0].offset_in_words()}.",
-                "Align the mesh with the cameras, or check that both are "
-                "in one "
+                "Align the mesh with the cameras, or check that both are in one "
                 "world and that the masks are the object's.",
                 tuple(s.frame.name for s in worst),
             )

@@ -81,11 +81,9 @@ def findings_on_light(names: Sequence[str], found: Exposures) -> list[Finding]:
                 "suspicious",
                 f"{names[i]} is {factor[i]:.2f} times as bright as the other photographs",
                 "That is the median over points of the surface that it shares with others, each under "
-                "its own "
-                "light. A matte surface keeps its brightness from view to view.",
+                "its own light. A matte surface keeps its brightness from view to view.",
                 'Check its "exposure", and that automatic exposure was off. If the object is a mirror, '
-                "this may "
-                "be its gloss.",
+                "this may be its gloss.",
                 (names[i],),
             )
         )
@@ -113,8 +111,7 @@ def findings_on_coverage(shares: tuple[float, float, float], shapes: Sequence[Fr
                 "note",
                 f"The silhouette cannot be judged in {len(blank)} of {len(shapes)} photographs",
                 "They have neither alpha nor a mask: whether the mesh lies on the object is for the eye "
-                "to say, in "
-                "the pictures below.",
+                "to say, in the pictures below.",
                 'Give masks ("mask_path") to have poses, units and order judged.',
                 tuple(s.frame.name for s in blank),
             )

@@ -7,12 +7,10 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from os import PathLike
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import cv2
@@ -20,11 +18,12 @@ import numpy as np
 
 from ..arrays import U8
 from ..capture import linear_from_srgb, write_png
-from ..errors import InputError, OutputError
+from ..errors import OutputError
 from ..prepare import Linearized, LinearizeOptions, LinearView, linearize, photographs_in
 from ..prepare.linearize import DEFAULT
 from ..progress import SILENT, Progress
 from ..report import curve_plot, display, exposure_for
+from .together import files_together
 
 MISSING_COLOUR = (235, 60, 200)
 """Of saturated pixels on the contact sheet: nothing photographed looks like it."""
@@ -74,7 +73,7 @@ def linearize_photographs(
 
     Args:
         places: photographs, and folders of them.
-        output: a folder; files of these names in it are replaced, all or none.
+        output: a folder; files of these names in it are replaced, linearize.json last: it lists its own.
 
     Raises:
         InputError: as `swatchwork.prepare.linearize`.
@@ -83,7 +82,7 @@ def linearize_photographs(
     start = time.perf_counter()
     files = photographs_in([Path(place) for place in places])
     folder = Path(output)
-    with whole_folder(folder) as made:
+    with files_together(folder, "linearize.json") as made:
         found = linearize(files, made, options, progress)
         _write_text(made / "linearize.json", json.dumps(described(found), indent=1, allow_nan=False) + "\n")
         write_png(made / "contact-sheet.png", contact_sheet(found.views))
@@ -186,23 +185,3 @@ def _write_text(file: Path, text: str) -> None:
         file.write_text(text, encoding="utf-8")
     except OSError as error:
         raise OutputError(f"{file}: cannot be written ({error.strerror})") from error
-
-
-@contextmanager
-def whole_folder(folder: Path) -> Iterator[Path]:
-    """A folder to write files in, which come to ``folder`` once all are whole; an error leaves none."""
-    if folder.exists() and not folder.is_dir():
-        raise InputError("is a file", file=folder, expected="a folder to write in")
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        made = TemporaryDirectory(prefix=f".{folder.name}.partial-", dir=folder.parent)
-    except OSError as error:
-        raise OutputError(f"{folder}: cannot be written ({error.strerror})") from error
-    with made as name:
-        yield Path(name)
-        try:
-            folder.mkdir(exist_ok=True)
-            for file in sorted(Path(name).iterdir()):
-                file.replace(folder / file.name)
-        except OSError as error:
-            raise OutputError(f"{folder}: cannot be written ({error.strerror})") from error

@@ -7,7 +7,6 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import asdict, dataclass
 from os import PathLike
 from pathlib import Path
@@ -24,7 +23,7 @@ from ..capture import (
     write_exr,
     write_exr_channels,
 )
-from ..errors import InputError, OutputError
+from ..errors import InputError
 from ..prepare.ball import find_outline, given_outline
 from ..prepare.mirror import PerspectiveBall
 from ..prepare.panorama import Mirror, View
@@ -33,6 +32,7 @@ from ..progress import SILENT, Progress
 from ..report import Sheet, write_sheet
 from .preparing_calibrate import read_intrinsics
 from .probe_page import probe_sheet
+from .together import files_together
 
 ORTHOGRAPHIC = (
     "No focal length was given: the camera is taken as orthographic, which puts lamps off by up to about the "
@@ -364,24 +364,10 @@ def _clipped_in_words(probe: Probe) -> str:
 
 
 def _write(folder: Path, probe: Probe, summary: ProbeSummary, sheet: Sheet) -> None:
-    """Each file whole or not at all; the probe last, so that its presence says that all is there."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"{folder}: cannot be made ({error.strerror})") from error
-    text = json.dumps(summary.as_dict(), indent=2, allow_nan=False)
-    write_sheet(folder / "probe.html", sheet)
-    masks, final = folder / "probe_masks.exr", folder / "probe.exr"
-    partial = [p.with_name(p.stem + ".partial" + p.suffix) for p in (folder / "probe.json", masks, final)]
-    try:
-        partial[0].write_text(text + "\n", encoding="utf-8")
-        write_exr_channels(partial[1], {"unseen": probe.unseen, "clipped": probe.clipped})
-        write_exr(partial[2], probe.environment.radiance)
-        for source, target in zip(partial, (folder / "probe.json", masks, final), strict=True):
-            source.replace(target)
-    except OSError as error:
-        raise OutputError(f"{folder}: cannot be written ({error.strerror})") from error
-    finally:
-        for path in partial:
-            with suppress(OSError):
-                path.unlink(missing_ok=True)
+    """The probe last, so that its presence says that all is there."""
+    with files_together(folder, "probe.exr") as made:
+        write_sheet(made / "probe.html", sheet)
+        text = json.dumps(summary.as_dict(), indent=2, allow_nan=False)
+        (made / "probe.json").write_text(text + "\n", encoding="utf-8")
+        write_exr_channels(made / "probe_masks.exr", {"unseen": probe.unseen, "clipped": probe.clipped})
+        write_exr(made / "probe.exr", probe.environment.radiance)
