@@ -14,7 +14,8 @@ Singular values are roots of the eigenvalues of Gram matrices, [k, k] a point an
 stream of tiles adds up; so those below 1e-7 of the largest are rounding. Least squares from K rows with
 noise of a share p of their root mean square, sigma_1 / sqrt(K) for the largest singular value, leaves weights
 with a standard deviation of p sigma_1 / (sqrt(K) sigma_i) along the i-th direction: where that is above 1,
-more than a whole weight, the direction counts as not determined. So ranks grow with every view.
+more than a whole weight, the direction counts as not determined. A view lowers a rank only where it is
+brighter than those before it, for the noise is a share of what is seen.
 """
 
 from __future__ import annotations

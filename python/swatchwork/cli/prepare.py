@@ -16,7 +16,7 @@ from .prepare_linearize import linearize
 from .prepare_probe import probe
 
 HELP = """
-From photographs to a capture: linear radiance, camera intrinsics, the light probe, poses.
+From photographs to a capture: linear radiance, camera intrinsics, the light probe, imports.
 
 Each step has a figure of merit and a picture to check by eye.
 """

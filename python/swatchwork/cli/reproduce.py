@@ -48,7 +48,7 @@ def reproduce(
     verbose: Verbose = False,
     quiet: Quiet = False,
 ) -> None:
-    """Run the experiments of the paper (section 7.1) and the methods it was compared with.
+    """Run the experiments of the paper (sections 5 and 7) and the methods it was compared with.
 
     Each claim is set beside our figure, with a verdict, on a page. A run that was interrupted goes on from
     the parts it has finished.

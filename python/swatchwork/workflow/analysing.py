@@ -36,7 +36,7 @@ from ..report import Figure, Picture, Section, Sheet, curve_plot, write_sheet
 from ..simulate import random_directions
 from .planning import CANDIDATES
 from .relighting import rotation_matrix
-from .scenes import Object, candidate_directions, object_of, object_of_capture, overview
+from .scenes import OVERVIEW_FROM, Object, candidate_directions, object_of, object_of_capture, overview
 
 Arrangement = Literal["random", "uniform", "planned"]
 COUNTS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 15, 20, 25, 30, 40, 50, 60, 80, 100)
@@ -106,7 +106,8 @@ class AnalysisSummary:
         elif last.weight_error is not None:
             text = f"with {last.k} views {noise} moves blend weights by up to {last.weight_error:.2g}"
         else:
-            text = f"with {last.k} views more than 5 % of the points are in fewer than {self.blended - 1}"
+            fewer = f"fewer than {self.blended - 1} of them"
+            text = f"with {last.k} views more than 5 % of the points are in {fewer}"
         if last.weight_error is not None:
             text += f" at 95 % of what is seen (n = {self.blended})"
         text += f"; representative rank {last.representative_rank} of {self.kernels}"
@@ -380,7 +381,7 @@ def _sheet(summary: AnalysisSummary, found: Conditioning, thing: Object) -> Shee
             "Blends",
             f"The blend of a point needs rank {summary.blended - 1} for n = {summary.blended}; the condition "
             "number tells how much noise grows on its way into the weights.",
-            (_map(found, thing),),
+            _maps(found, thing),
             plots=tuple(p for p in (condition, ranks) if p),
         ),
         Section(
@@ -437,11 +438,17 @@ def _sheet(summary: AnalysisSummary, found: Conditioning, thing: Object) -> Shee
     )
 
 
-def _map(found: Conditioning, thing: Object) -> Picture:
-    """Each point's weight error with all views."""
+def _maps(found: Conditioning, thing: Object) -> tuple[Picture, ...]:
+    """Each point's weight error with all views, from two sides."""
     error = np.minimum(found.weight_errors[-1], 1.0)
-    pixels = overview(thing, np.where(np.isfinite(error), error, 1.0), 1.0, np.zeros((0, 3)))
-    return Picture("how far noise moves the weights of each point, 0 (dark) to 1 or more (bright)", pixels)
+    shown = np.where(np.isfinite(error), error, 1.0)
+    words = "how far noise moves the weights of each point, 0 (dark) to 1 or more (bright)"
+    sides = (OVERVIEW_FROM, -OVERVIEW_FROM)
+    captions = (words, "the same from the other side")
+    return tuple(
+        Picture(caption, overview(thing, shown, 1.0, side=side))
+        for caption, side in zip(captions, sides, strict=True)
+    )
 
 
 def _number(value: float | None) -> str:

@@ -25,7 +25,7 @@ from ..reflectance import basis_by_name
 from ..report import Figure, Html, Picture, Section, Sheet, curve_plot, write_sheet
 from ..simulate import random_directions
 from ..surface import write_mesh_obj
-from .scenes import Object, candidate_directions, object_of, overview
+from .scenes import NONE, Object, candidate_directions, object_of, overview
 
 CANDIDATES = 150
 POINTS = 600
@@ -152,7 +152,7 @@ def plan_views(
     file = _write(folder, chosen, thing, light)
     others = _others(prior, directions, V, before, len(found.chosen), seed)
     page = folder / "plan.html"
-    taken_directions = unit(np.stack([c.position for c in at_hand]) - thing.centre) if at_hand else None
+    taken_directions = unit(np.stack([c.position for c in at_hand]) - thing.centre) if at_hand else NONE
     sheet = _sheet(thing, prior, found, directions, before, taken_directions, others)
     write_sheet(page, sheet)
     finite = tuple(float(c) if np.isfinite(c) else None for c in found.condition)
@@ -305,7 +305,7 @@ def _sheet(
     found: Plan,
     directions: F64,
     before: list[int],
-    taken: F64 | None,
+    taken: F64,
     others: dict[str, list[Plan]],
 ) -> Sheet:
     chosen = directions[list(found.chosen)]
@@ -328,11 +328,10 @@ def _sheet(
         curve("condition", "condition number", 1, True),
         curve("coverage", "seen, %", 100, False),
     )
-    none = np.zeros((0, 3))
     pictures = (
         Picture(
             "before: how much is unknown at each point, bright is all",
-            overview(thing, found.unknown_before, 1.0, none, taken),
+            overview(thing, found.unknown_before, 1.0, taken=taken),
         ),
         Picture(
             f"after {k} more views, numbered in the order of use; grey ones were taken already",

@@ -27,6 +27,9 @@ POINTS = 3000
 """That stand for the surface."""
 SHAPES = ("plane", "cap", "hemisphere", "sphere")
 UP = np.array([0.0, 0.0, 1.0])
+OVERVIEW_FROM = np.array([0.55, -0.75, 0.45])
+NONE = np.zeros((0, 3))
+"""No directions."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,17 +129,23 @@ def candidate_directions(count: int, lowest_degrees: float) -> F64:
 
 
 def overview(
-    thing: Object, values: F64, top: float, directions: F64, taken: F64 | None = None, size: int = 560
+    thing: Object,
+    values: F64,
+    top: float,
+    directions: F64 = NONE,
+    taken: F64 = NONE,
+    side: F64 = OVERVIEW_FROM,
+    size: int = 560,
 ) -> U8:
     """The object's points by a value [M] as a heat map, and numbered dots where cameras stand.
 
-    The camera looks down on the object from a side; cameras are drawn at a common distance, those behind
-    the object fainter; ``taken`` are directions of photographs at hand, without numbers.
+    The camera looks on the object from a ``side``; cameras are drawn at a common distance, those behind the
+    object fainter; ``taken`` are directions of photographs at hand, without numbers.
     """
-    view = np.array([0.55, -0.75, 0.45])
-    view /= np.linalg.norm(view)
+    view = side / np.linalg.norm(side)
     camera = thing.camera(view, size, 7.0)
-    focal, middle = camera.fx / 1.75, size / 2
+    # Room for the dots, where there are any.
+    focal, middle = camera.fx / (1.75 if len(directions) + len(taken) else 1.05), size / 2
     wide = Camera(size, size, focal, focal, middle, middle, camera.world_from_camera)
     column, line = np.meshgrid(np.arange(size) + 0.5, np.arange(size) + 0.5)
     rays = wide.rays(np.stack([column, line], axis=-1).reshape(-1, 2))
@@ -154,7 +163,7 @@ def overview(
     alpha = pixels[..., 3:] / 255.0
     canvas = (pixels[..., :3] * alpha + canvas * (1 - alpha)).astype(np.uint8)
     canvas = np.ascontiguousarray(canvas)
-    shown = [(d, "", (120, 120, 120)) for d in (taken if taken is not None else np.zeros((0, 3)))]
+    shown = [(d, "", (120, 120, 120)) for d in taken]
     shown += [(d, str(i + 1), (30, 90, 200)) for i, d in enumerate(directions)]
     for direction, label, colour in sorted(shown, key=lambda s: float(s[0] @ view)):
         where = thing.centre + direction * 1.45 * thing.radius
