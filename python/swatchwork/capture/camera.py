@@ -86,6 +86,20 @@ class Camera:
         uv_px = xy * [self.fx, self.fy] + [self.cx, self.cy]
         return np.where(visible[:, None], uv_px, np.nan), depth
 
+    def slopes(self, x_in_world: Float) -> F64:
+        """Derivatives F64[P, 2, 3] of `project`'s uv_px by the points' coordinates along the camera axes."""
+        x_in_world = np.asarray(x_in_world, dtype=np.float64).reshape(-1, 3)
+        x_in_camera = (x_in_world - self.position) @ self.world_from_camera[:3, :3]
+        depth = -x_in_camera[:, 2]
+        xy = x_in_camera[:, :2] * [1.0, -1.0] / depth[:, None]
+        by_camera = np.zeros((len(xy), 2, 3))
+        by_camera[:, 0, 0], by_camera[:, 1, 1] = 1 / depth, -1 / depth
+        by_camera[:, :, 2] = xy / depth[:, None]
+        if self._distorts:
+            xx, cross, yy = self._jacobian(xy)
+            by_camera = np.stack([[xx, cross], [cross, yy]]).transpose(2, 0, 1) @ by_camera
+        return np.asarray(by_camera * [[self.fx], [self.fy]])
+
     def rays(self, uv_px: Float) -> F64:
         """Unit directions in the world, F64[P, 3], that image points [P, 2] look along from `position`.
 
