@@ -9,7 +9,9 @@ Three simulated captures (six GGX materials beyond the basis, two blended at a p
 igea-merl. Actual: the relative error of a texel's response under the novel light towards random viewers about
 its normal, from the true materials and weights, without self-shadowing. Texels that at least one view sees;
 Spearman's rank correlation, texel by texel, and over neighbourhoods of nine texels (root mean square of
-both), beside that of the number of views and of the residual.
+both), beside that of the number of views and of the residual. How far a ranking can go that knows neither
+viewers nor light: the correlation of the actual error with itself, between one half of the viewers and the
+other ("halves"), and between the novel light and the capture's, towards the same viewers ("own light").
 """
 
 from __future__ import annotations
@@ -67,6 +69,8 @@ HEAD = (
     "residual",
     "expected, nine",
     "views, nine",
+    "halves",
+    "own light",
     "rms expected",
     "rms actual",
 )
@@ -138,7 +142,9 @@ def measure(case: Case, work: Path) -> Figures:
     """Reconstruct, and rank."""
     found = recover(case.folder, work / "material", ReconstructOptions(resolution=case.resolution))
     atlas, coverage = found.reconstruction.observations.atlas, found.reconstruction.observations.coverage
-    light = Lights.of_capture(read_capture(case.folder / "test")).environments[0]
+    light, own_light = (
+        Lights.of_capture(read_capture(case.folder / x)).environments[0] for x in ("test", "")
+    )
     rng = np.random.default_rng(0)
     seen = np.flatnonzero(coverage)
     texel = np.sort(rng.choice(seen, min(TEXELS, len(seen)), replace=False))
@@ -151,17 +157,21 @@ def measure(case: Case, work: Path) -> Figures:
     m = found.material
     pixel = atlas.pixel[each]
     weights = dense(m.index.reshape(-1, m.n)[pixel], m.weight.reshape(-1, m.n)[pixel], m.N)
-    ours, true = np.empty((len(each), 3)), np.empty((len(each), 3))
-    for start in range(0, len(each), RADIANCE_AT_ONCE):
-        part = slice(start, start + RADIANCE_AT_ONCE)
-        made = representative_responses(
-            found.reconstruction.basis, m.representatives, light.pyramid(), normals[part], viewer[part]
-        )
-        ours[part] = np.einsum("pnc,pn->pc", made, weights[part])
-        true[part] = case.truth(atlas, each[part], light, normals[part], viewer[part])
-    squared = ((ours - true) ** 2).reshape(len(texel), -1).sum(axis=1)
-    energy = (true**2).reshape(len(texel), -1).sum(axis=1)
-    actual = np.sqrt(squared / np.maximum(energy, FLOOR**2 * np.median(energy)))
+    actual = {}
+    for name, lit in (("novel", light), ("own", own_light)):
+        ours, true = np.empty((len(each), 3)), np.empty((len(each), 3))
+        for start in range(0, len(each), RADIANCE_AT_ONCE):
+            part = slice(start, start + RADIANCE_AT_ONCE)
+            made = representative_responses(
+                found.reconstruction.basis, m.representatives, lit.pyramid(), normals[part], viewer[part]
+            )
+            ours[part] = np.einsum("pnc,pn->pc", made, weights[part])
+            true[part] = case.truth(atlas, each[part], lit, normals[part], viewer[part])
+        ours, true = (x.reshape(len(texel), VIEWERS, 3) for x in (ours, true))
+        actual[name] = relative_error(ours, true)
+        if name == "novel":
+            halves = [relative_error(ours[:, i::2], true[:, i::2]) for i in range(2)]
+    novel = actual["novel"]
     expected = material_maps(m).expected_error.ravel()[atlas.pixel[texel]].astype(np.float64)
     nearest = cKDTree(position).query(position, k=NINE)[1]
 
@@ -176,16 +186,25 @@ def measure(case: Case, work: Path) -> Figures:
         "n": m.n,
         "N": m.N,
         "texels": len(texel),
-        "expected": rank(expected, actual),
-        "views": rank(few, actual),
-        "residual": rank(residual, actual),
-        "expected_nine": rank(nine(expected), nine(actual)),
-        "views_nine": rank(nine(few), nine(actual)),
+        "expected": rank(expected, novel),
+        "views": rank(few, novel),
+        "residual": rank(residual, novel),
+        "expected_nine": rank(nine(expected), nine(novel)),
+        "views_nine": rank(nine(few), nine(novel)),
+        "halves": rank(*halves),
+        "own_light": rank(actual["own"], novel),
         # Without the hundredth that is largest: highlights at the rim.
         "rms_expected": float(np.sqrt((expected**2).mean())),
-        "rms_actual": float(np.sqrt((actual[actual <= np.quantile(actual, 0.99)] ** 2).mean())),
+        "rms_actual": float(np.sqrt((novel[novel <= np.quantile(novel, 0.99)] ** 2).mean())),
         "seconds": {stage.name: stage.seconds for stage in found.summary.stages},
     }
+
+
+def relative_error(ours: np.ndarray, true: np.ndarray) -> np.ndarray:
+    """[T] of responses [T, V, 3]; dark texels count as a little brighter."""
+    squared = ((ours - true) ** 2).sum(axis=(1, 2))
+    energy = (true**2).sum(axis=(1, 2))
+    return np.asarray(np.sqrt(squared / np.maximum(energy, FLOOR**2 * np.median(energy))))
 
 
 def rank(a: np.ndarray, b: np.ndarray) -> float:
@@ -193,7 +212,10 @@ def rank(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def cells(row: Figures) -> list[str]:
-    numbers = [row[x] for x in ("expected", "views", "residual", "expected_nine", "views_nine")]
+    numbers = [
+        row[x]
+        for x in ("expected", "views", "residual", "expected_nine", "views_nine", "halves", "own_light")
+    ]
     return [
         row["capture"],
         str(row["k"]),

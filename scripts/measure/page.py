@@ -251,9 +251,10 @@ def confidence_section(figures: Figures) -> str:
 The error that is expected of each texel (material/trust.py, learnt from held-out views of the capture alone)
 against its actual one under novel light, from the true materials: Spearman's rank correlation, beside that of
 the number of views and of the residual. *nine*: root mean squares over a texel and its eight nearest. One
-texel's error is for a good part the noise of its own few measurements, whose size can be foreseen but not
-whether it struck: that limits any ranking of single texels. The last columns are root mean squares, of the
-actual error without its largest hundredth.
+texel's actual error depends on which highlights reach which viewer, which no map of the surface can know:
+*halves* is its correlation with itself between two halves of the viewers, *own light* that between the novel
+light and the capture's. The last columns are root mean squares, of the actual error without its largest
+hundredth.
 
 {results.verdicts(verdicts)}
 
