@@ -84,6 +84,13 @@ def probe(
         int | None, typer.Option(metavar="PIXELS", help="Of the map.", show_default="what the ball resolves")
     ] = None,
     allow_cut: Annotated[bool, typer.Option("--allow-cut", help="Use a ball that the frame cuts.")] = False,
+    capture: Annotated[
+        Path | None,
+        typer.Option(
+            help="Make the probe the light of this capture; needs --pose, in the capture's world.",
+            show_default="left alone",
+        ),
+    ] = None,
     as_json: AsJson = False,
     verbose: Verbose = False,
     quiet: Quiet = False,
@@ -99,6 +106,8 @@ def probe(
     swatchwork prepare probe ball.exr --focal 3200 -o probe
 
     swatchwork prepare probe ball1.exr ball2.exr --pose my-capture/transforms.json --reflectance 0.6 -o probe
+
+    swatchwork prepare probe ball.exr --pose my-capture/transforms.json#front --capture my-capture -o probe
     """
     from ..workflow import prepare_probe
 
@@ -122,6 +131,7 @@ def probe(
             convention=convention.value if convention else None,
             width=width,
             allow_cut=allow_cut,
+            capture=capture,
             progress=run.progress,
         )
         run.say(found.in_words())

@@ -18,6 +18,7 @@ from scipy.ndimage import distance_transform_edt
 from ..arrays import F64
 from ..capture import (
     Camera,
+    EnvironmentSource,
     read_capture,
     read_image,
     write_exr,
@@ -30,6 +31,7 @@ from ..prepare.panorama import Mirror, View
 from ..prepare.probe import Probe, probe_of_views
 from ..progress import SILENT, Progress
 from ..report import Sheet, write_sheet
+from .lighting import light_capture
 from .preparing_calibrate import read_intrinsics
 from .probe_page import probe_sheet
 from .together import files_together
@@ -100,6 +102,7 @@ def prepare_probe(
     convention: str | None = None,
     width: int | None = None,
     allow_cut: bool = False,
+    capture: str | PathLike[str] | None = None,
     progress: Progress = SILENT,
 ) -> ProbeSummary:
     """Turn photographs of a mirror ball into probe.exr, with probe.json, probe_masks.exr and probe.html.
@@ -122,6 +125,7 @@ def prepare_probe(
         convention: "blender" or "mitsuba"; by default "blender" with a pose (z up), "mitsuba" (y up) without.
         width: of the map.
         allow_cut: use a ball that the frame cuts.
+        capture: a capture whose light the probe becomes; its cameras must be in the probe's world.
 
     Raises:
         InputError: a file, number or ball that is wrong, each by name.
@@ -141,6 +145,12 @@ def prepare_probe(
         clip,
         intrinsics is not None,
     )
+    if capture is not None and not poses:
+        raise InputError(
+            "--capture is given without --pose",
+            expected="the pose of the first photograph of the ball",
+            hint="Where the camera did not move between object and ball: --pose CAPTURE/transforms.json#FRAME",
+        )
     if intrinsics is not None and focal_px is not None:
         raise InputError("--intrinsics and --focal are given", expected="one of them")
     calibrated = read_intrinsics(intrinsics) if intrinsics is not None else None
@@ -165,6 +175,8 @@ def prepare_probe(
         words = f"{ORTHOGRAPHIC} {words}"
     sheet = probe_sheet(views, probe, mirror, words, summary.world, summary.unseen_filled)
     _write(folder, probe, summary, sheet)
+    if capture is not None:
+        light_capture(capture, EnvironmentSource(Path(summary.probe), convention))
     return summary
 
 
