@@ -149,7 +149,7 @@ def prepare_probe(
         raise InputError(
             "--capture is given without --pose",
             expected="the pose of the first photograph of the ball",
-            hint="Where the camera did not move between object and ball: --pose CAPTURE/transforms.json#FRAME",
+            hint="Where the camera stayed between object and ball: --pose CAPTURE/transforms.json#FRAME",
         )
     if intrinsics is not None and focal_px is not None:
         raise InputError("--intrinsics and --focal are given", expected="one of them")
