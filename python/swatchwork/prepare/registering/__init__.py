@@ -2,7 +2,30 @@
 # SPDX-License-Identifier: MIT
 """Where photographs were taken from, in the world of the object's mesh (paper, section 6)."""
 
+from swatchwork.prepare.registering.bundle import Bundle, refine
+from swatchwork.prepare.registering.growing import Grown, Placed, grow
 from swatchwork.prepare.registering.motion import apart, moved, projected
+from swatchwork.prepare.registering.resection import Resection, resect
+from swatchwork.prepare.registering.sliding import Extra
+from swatchwork.prepare.registering.tracks import Features, Tracks, features, find_tracks, matches
 from swatchwork.prepare.registering.view import View
 
-__all__ = ["View", "apart", "moved", "projected"]
+__all__ = [
+    "Bundle",
+    "Extra",
+    "Features",
+    "Grown",
+    "Placed",
+    "Resection",
+    "Tracks",
+    "View",
+    "apart",
+    "features",
+    "find_tracks",
+    "grow",
+    "matches",
+    "moved",
+    "projected",
+    "refine",
+    "resect",
+]
