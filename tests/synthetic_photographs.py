@@ -13,15 +13,15 @@ from scipy.ndimage import binary_erosion, map_coordinates
 
 from swatchwork.arrays import dot, unit
 from swatchwork.capture import Camera
-from swatchwork.prepare.registering import View
+from swatchwork.prepare.registering import Tracks, View, apart, moved
 from swatchwork.simulate.shapes import shape
 from swatchwork.simulate.viewpoints import look_at
-from swatchwork.surface import RayScene
+from swatchwork.surface import RayScene, points_in_sight, surface_points
 
-LENS = Camera(600, 450, 980.0, 972.0, 304.0, 221.0, np.eye(4), k1=-0.15, k2=0.06, p1=0.001, p2=-0.0015)
+LENS = Camera(600, 450, 620.0, 615.0, 304.0, 221.0, np.eye(4), k1=-0.15, k2=0.06, p1=0.001, p2=-0.0015)
 COUNT = 8
-STEP_DEG = 22.0
-DISTANCE = 4.0
+STEP_DEG = 20.0
+DISTANCE = 2.6
 LIGHT = unit(np.array([0.3, -0.8, 0.6]))
 
 
@@ -32,7 +32,7 @@ def blob() -> RayScene:
 
 @cache
 def true_camera(index: int) -> Camera:
-    """Photograph ``index`` of the round: 22 degrees about z after the last, at three heights."""
+    """Photograph ``index`` of the round: 20 degrees about z after the last, at three heights."""
     rng = np.random.default_rng([index, 8])
     azimuth = np.radians(STEP_DEG * index - 100)
     height = (0.15, 0.5, 0.3)[index % 3]
@@ -41,8 +41,21 @@ def true_camera(index: int) -> Camera:
     return replace(LENS, world_from_camera=pose)
 
 
-def lens() -> Camera:
-    return LENS
+@cache
+def lens(size: float = 1.0) -> Camera:
+    return replace(
+        LENS,
+        width=round(LENS.width * size),
+        height=round(LENS.height * size),
+        **{name: getattr(LENS, name) * size for name in ("fx", "fy", "cx", "cy")},
+    )
+
+
+@cache
+def rays(sample: int, size: float) -> np.ndarray:
+    """Directions along the camera's axes through one of four places in each pixel."""
+    offset = np.array([sample % 2, sample // 2]) / 2 - 0.25
+    return lens(size).rays(lens(size).pixel_centres() + offset)
 
 
 def noise(x: np.ndarray, seed: int) -> np.ndarray:
@@ -62,16 +75,11 @@ def photograph(index: int, texture: int | None = 1, size: float = 1.0) -> View:
     ``size`` scales the lens's pixels.
     """
     scene, given = blob(), true_camera(index)
-    camera = replace(
-        given,
-        width=round(given.width * size),
-        height=round(given.height * size),
-        **{name: getattr(given, name) * size for name in ("fx", "fy", "cx", "cy")},
-    )
+    camera = replace(lens(size), world_from_camera=given.world_from_camera)
     total = np.zeros(camera.width * camera.height)
     covered = np.zeros(len(total), dtype=bool)
-    for offset in ((-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25)):
-        d = camera.rays(camera.pixel_centres() + offset)
+    for sample in range(4):
+        d = rays(sample, size) @ given.world_from_camera[:3, :3].T
         hit = scene.first_hit(np.broadcast_to(camera.position, d.shape), d)
         on = np.flatnonzero(hit.mesh >= 0)
         corner, bary = scene.meshes[0].faces[hit.face[on]], hit.bary[on]
@@ -86,8 +94,7 @@ def photograph(index: int, texture: int | None = 1, size: float = 1.0) -> View:
     code = 255 * np.clip(total / 4 + sensor, 0, 1) ** (1 / 2.2)
     gray = (code + 0.5).astype(np.uint8).reshape(camera.height, camera.width)
     region = covered.reshape(gray.shape)
-    at_origin = replace(camera, world_from_camera=np.eye(4))
-    return View(Path(f"p{index}.png"), at_origin, gray, binary_erosion(region))
+    return View(Path(f"p{index}.png"), lens(size), gray, binary_erosion(region))
 
 
 def photographs(count: int = COUNT) -> list[View]:
@@ -96,3 +103,58 @@ def photographs(count: int = COUNT) -> list[View]:
 
 def truth(count: int = COUNT) -> dict[str, Camera]:
     return {f"p{i}": true_camera(i) for i in range(count)}
+
+
+def true_tracks(count: int, noise_px: float, seed: int = 0, wrong: float = 0.0, bump: float = 0.0) -> Tracks:
+    """Sightings of points spread over the object, without any picture.
+
+    Args:
+        noise_px: standard deviation along each axis.
+        wrong: share of the sightings that are somewhere within 60 px instead.
+        bump: standard deviation of the points from the mesh along its normals, world units.
+    """
+    rng = np.random.default_rng([seed, 10])
+    points = surface_points(blob().meshes[0], count, seed)
+    x = points.position + bump * rng.normal(size=count)[:, None] * points.normal
+    track, frame, uv = [], [], []
+    for f, camera in enumerate(truth().values()):
+        to_camera = unit(camera.position - points.position)
+        seen = points_in_sight(blob(), points, camera) & (dot(points.upright, to_camera) > 0.3)
+        at = np.flatnonzero(seen)
+        track.append(at)
+        frame.append(np.full(len(at), f))
+        uv.append(camera.project(x[at])[0])
+    track, frame, uv = np.concatenate(track), np.concatenate(frame), np.concatenate(uv)
+    uv += rng.normal(0, noise_px, uv.shape)
+    off = rng.random(len(uv)) < wrong
+    uv[off] += rng.uniform(-60, 60, (int(off.sum()), 2))
+    keep = np.bincount(track, minlength=count)[track] > 1
+    _, track = np.unique(track[keep], return_inverse=True)
+    order = np.lexsort((frame[keep], track))
+    names = tuple(truth())
+    return Tracks(
+        names,
+        int(track.max()) + 1,
+        track[order].astype(np.int32),
+        frame[keep][order].astype(np.int32),
+        uv[keep][order],
+        np.full(len(order), max(noise_px, 0.1)),
+        dict.fromkeys(names, count),
+        np.zeros((len(names), len(names)), np.int32),
+    )
+
+
+def worst(cameras: dict[str, Camera]) -> tuple[float, float]:
+    """Largest angle (degrees) and share of the distance between poses by name and the true ones."""
+    off = [apart(camera, cameras[name], np.zeros(3)) for name, camera in truth().items() if name in cameras]
+    return max(angle for angle, _ in off), max(away for _, away in off)
+
+
+def shaken(cameras: dict[str, Camera], degrees: float, away: float, seed: int = 3) -> dict[str, Camera]:
+    """Each pose turned by an angle about some axis, and moved by about ``away`` (world units)."""
+    rng = np.random.default_rng(seed)
+    out = {}
+    for name, camera in cameras.items():
+        turn = np.radians(degrees) * unit(rng.normal(size=3))
+        out[name] = moved(camera, np.concatenate([turn, away * unit(rng.normal(size=3))]))
+    return out

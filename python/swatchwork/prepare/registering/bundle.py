@@ -4,14 +4,16 @@
 
 Unknown are each camera's pose, 6 numbers (the step of `moved`), and each track's point, which slides on the
 mesh: 2 numbers in its tangent plane, and a third along the normal where the scan is said to have an error.
-With residuals in standard deviations (s = 0.5 px of a feature),
+With residuals in standard deviations (s_o of a feature, in pixels),
 
-    minimise  sum over sightings o of rho(|project(camera_f, x_t) - uv_o|) / s^2
+    minimise  sum over sightings o of rho(|project(camera_f, x_t) - uv_o|) / s_o^2
               + sum over tracks t of (offset_t / scan_error)^2  + sum over frames of |extra_f(camera_f)|^2
 
 where rho(e) = c^2 log(1 + e^2 / c^2) is Cauchy's loss, c = 1.5 px, as weights anew at each step. Steps are
 Levenberg and Marquardt's (`sliding`). After each one points are put back onto the mesh, and only then is it
-judged: it is kept where the objective is less, so the end is never worse than the start.
+judged: it is kept where the objective is less, so the end is never worse than the start. At the bottom each
+track may take up another place on the mesh, where one of its sightings' rays meets it by the poses found, if
+that is better; then all goes on.
 """
 
 from __future__ import annotations
@@ -112,6 +114,10 @@ def refine(
     problem = Problem(scene, names, seen, tuple(extra_terms), scan_error, frozenset(held), robust_px)
     start = State(list(cameras.values()), x[sure], normal[sure], np.zeros(int(sure.sum())))
     state, history, status = solved(problem, start, steps)
+    again = relifted(problem, state)
+    if status == "converged" and problem.objective(again) < (1 - FALL) * history[-1]:
+        state, more, status = solved(problem, again, steps)
+        history += more
 
     error_px = np.hypot(*problem.errors(state).T)
     points = np.full((tracks.count, 3), np.nan)
@@ -131,6 +137,22 @@ def refine(
         outliers,
         used,
         dict(zip(names, problem.deviation(state), strict=True)),
+    )
+
+
+def relifted(problem: Problem, state: State) -> State:
+    """The state with points lifted anew by its poses, where that is better."""
+    x, normal, sure = first_points(problem.scene, state.cameras, problem.seen, problem.robust_px)
+    other = State(
+        state.cameras, np.where(sure[:, None], x, state.on_mesh), normal, np.zeros(len(state.offset))
+    )
+    loss, other_loss = problem.losses_of_tracks(state), problem.losses_of_tracks(other)
+    better = sure & (other_loss < loss)
+    return State(
+        state.cameras,
+        np.where(better[:, None], other.on_mesh, state.on_mesh),
+        np.where(better[:, None], normal, state.normal),
+        np.where(better, 0.0, state.offset),
     )
 
 

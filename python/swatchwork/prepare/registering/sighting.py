@@ -25,7 +25,7 @@ class Sightings:
         number: I64[O], of the tracks' own sightings.
         track: I64[O], 0 to T - 1; ``track_number`` I64[T], which of all tracks that is.
         frame: I64[O], of the k frames asked for.
-        uv_px: F64[O, 2].
+        uv_px: F64[O, 2]; ``deviation_px`` F64[O], standard deviations along each axis.
         frames: k.
     """
 
@@ -34,6 +34,7 @@ class Sightings:
     track_number: I64
     frame: I64
     uv_px: F64
+    deviation_px: F64
     frames: int
 
     @classmethod
@@ -51,6 +52,7 @@ class Sightings:
             track_number.astype(np.int64),
             frame[number],
             tracks.uv_px[number],
+            tracks.deviation_px[number],
             len(names),
         )
 
@@ -72,6 +74,7 @@ class Sightings:
             self.track_number[keep],
             self.frame[rows],
             self.uv_px[rows],
+            self.deviation_px[rows],
             self.frames,
         )
 

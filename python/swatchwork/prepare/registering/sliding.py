@@ -23,8 +23,6 @@ from swatchwork.prepare.registering.motion import moved, projected
 from swatchwork.prepare.registering.sighting import Sightings, tangents
 from swatchwork.surface import RayScene
 
-FEATURE_PX = 0.5
-"""Standard deviation of a feature's place along each axis; SIFT's, seen from 20 degrees aside."""
 LOST_PX = 1e3
 """What a point that the camera cannot see at all counts as, along each axis."""
 
@@ -94,14 +92,22 @@ class Problem:
 
     def objective(self, state: State) -> float:
         """In variances: a sum of squares of standard deviations, where no residual is large."""
-        turn = self.robust_px**2
-        squares = (self.errors(state) ** 2).sum(axis=1)
-        total = float(turn * np.log1p(squares / turn).sum()) / FEATURE_PX**2
-        if self.scan_error > 0:
-            total += float(((state.offset / self.scan_error) ** 2).sum())
+        total = float(self.losses_of_tracks(state).sum())
         for name, camera in zip(self.names, state.cameras, strict=True):
             total += sum(float((term(name, camera)[0] ** 2).sum()) for term in self.extra_terms)
         return total
+
+    def losses(self, state: State) -> F64:
+        """Each sighting's part of the objective, F64[O]."""
+        turn = self.robust_px**2
+        squares = (self.errors(state) ** 2).sum(axis=1)
+        return np.asarray(turn * np.log1p(squares / turn) / self.seen.deviation_px**2)
+
+    def losses_of_tracks(self, state: State) -> F64:
+        """Each track's part of the objective, F64[T]."""
+        total = np.zeros(len(state.offset))
+        np.add.at(total, self.seen.track, self.losses(state))
+        return total + (state.offset / self.scan_error) ** 2 if self.scan_error > 0 else total
 
     def linearised(self, state: State) -> System:
         """The normal equations at a state, the robust loss as weights."""
@@ -121,7 +127,7 @@ class Problem:
             by_point[rows] = np.where(fine[:, None, None], by_x, 0) @ axes[at]
             if self.names[f] not in self.held:
                 by_pose[rows] = np.where(fine[:, None, None], by_step, 0)
-        weight = 1 / (1 + (error**2).sum(axis=1) / self.robust_px**2) / FEATURE_PX**2
+        weight = 1 / (1 + (error**2).sum(axis=1) / self.robust_px**2) / seen.deviation_px**2
         weighted = by_pose * weight[:, None, None]
         pose, slope = np.zeros((k, 6, 6)), np.zeros((k, 6))
         for f, rows in enumerate(seen.rows):
@@ -188,10 +194,16 @@ class Problem:
     def deviation(self, state: State) -> F64:
         """Standard deviations F64[k, 6] of the poses' steps, points and the other poses being free."""
         deviation = np.zeros(6 * len(self.names))
-        free = np.flatnonzero(np.repeat([name not in self.held for name in self.names], 6))
+        system = self.linearised(state)
+        free = np.repeat([name not in self.held for name in self.names], 6)
+        diagonal = system.pose[:, np.arange(6), np.arange(6)].ravel()
+        # A direction of a pose that no residual feels has nothing but the floor under it.
+        felt = diagonal > 1e-10 * diagonal.max(initial=0.0)
+        deviation[free & ~felt] = np.inf
+        free = np.flatnonzero(free & felt)
         if not len(free):
             return deviation.reshape(-1, 6)
-        matrix = self.reduced(self.linearised(state), 0.0)[0][np.ix_(free, free)]
+        matrix = self.reduced(system, 0.0)[0][np.ix_(free, free)]
         scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
         values, vectors = np.linalg.eigh(matrix / scale[:, None] / scale)
         inverse = np.where(values > 1e-12, 1 / np.maximum(values, 1e-12), np.inf)
