@@ -118,7 +118,12 @@ def grow(
     frames = {}
     for name in by_name:
         if name in cameras:
-            frames[name] = _counted(name, cameras[name], name in posed, tracks, points)
+            known = points
+            if name in posed and len(cameras) > 1:
+                # By the others alone: a given pose must not speak for itself.
+                others = {other: camera for other, camera in cameras.items() if other != name}
+                known = surface_points_of(scene, others, tracks)
+            frames[name] = _counted(name, cameras[name], name in posed, tracks, known)
         else:
             shared, why = refused[name]
             said = _said(name, tracks) if shared < LEAST else ""

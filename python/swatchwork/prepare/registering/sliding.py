@@ -195,7 +195,7 @@ class Problem:
         """Standard deviations F64[k, 6] of the poses' steps, points and the other poses being free."""
         deviation = np.zeros(6 * len(self.names))
         system = self.linearised(state)
-        free = np.repeat([name not in self.held for name in self.names], 6)
+        free = np.repeat(np.array([name not in self.held for name in self.names], dtype=bool), 6)
         diagonal = system.pose[:, np.arange(6), np.arange(6)].ravel()
         # A direction of a pose that no residual feels has nothing but the floor under it.
         felt = diagonal > 1e-10 * diagonal.max(initial=0.0)
