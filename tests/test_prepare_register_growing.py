@@ -88,7 +88,10 @@ def test_a_given_pose_of_another_photograph_is_told(all_views: list[View], track
     posed = {"p0": true_camera(0), "p1": true_camera(1), "p2": true_camera(2), "p3": true_camera(6)}
     grown = grow(blob(), all_views[:5], posed, tracks)
     assert grown.frames["p3"].status == "contradicts"
-    assert "are where the given pose has them; is the pose another photograph's?" in grown.missing["p3"]
+    # Three that agree move the fourth to where it was taken, 60 degrees off.
+    assert (
+        "the given pose is 6" in grown.missing["p3"] and "is it another photograph's?" in grown.missing["p3"]
+    )
     assert [grown.frames[f"p{i}"].status for i in range(3)] == ["given"] * 3
 
 

@@ -70,9 +70,9 @@ def test_a_scale_of_any_size_is_found(scale: float) -> None:
     structure, true = turned_world(scale, wrong=0.2)
     x = structure.points @ true[:3, :3].T + true[:3, 3]
     aligned = align_to_mesh(blob(), structure, {"p3": true_camera(3)})
-    # A thousand points, each to 0.003 of a radius of 1; samples of the surface are 0.01 apart.
+    # A thousand points, each to 0.003 of a radius of 1; samples are 0.01 apart. Ends turn most.
     assert aligned.scale == pytest.approx(scale, rel=1e-3)
-    assert np.linalg.norm(aligned.points - x, axis=1).max() < 4e-3
+    assert np.linalg.norm(aligned.points - x, axis=1).max() < 8e-3
     angle, away = worst(aligned.cameras)
     assert angle < 0.15 and away < 0.003
     assert 0.7 < aligned.near < 0.9 and aligned.off.shape == (len(structure.points),)
@@ -111,9 +111,9 @@ def test_structure_from_motion_and_the_mesh_place_all(tmp_path: Path) -> None:
     assert len(structure.points) > 300 and min(map(len, structure.frames)) >= 2
     aligned = align_to_mesh(blob(), structure, {"p2": true_camera(2)})
     assert aligned.near > 0.95
-    # COLMAP's chain of views knows of no mesh: it bends a little.
+    # COLMAP's chain of views knows of no mesh: it bends, and its ends swing.
     angle, away = worst(aligned.cameras)
-    assert angle < 1.0 and away < 0.015
+    assert angle < 0.8 and away < 0.01
     found = refine(blob(), views, aligned.cameras, find_tracks(views))
     angle, away = worst(found.cameras)
     assert angle < 0.1 and away < 0.002

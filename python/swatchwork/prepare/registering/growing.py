@@ -19,6 +19,7 @@ from swatchwork.capture import Camera
 from swatchwork.errors import InputError
 from swatchwork.prepare.registering.bundle import refine
 from swatchwork.prepare.registering.lifting import finite
+from swatchwork.prepare.registering.motion import apart
 from swatchwork.prepare.registering.resection import CHANCE, INLIER_PX, LEAST, Resection, resect
 from swatchwork.prepare.registering.sighting import Sightings, first_points
 from swatchwork.prepare.registering.sliding import Extra
@@ -31,6 +32,8 @@ REFINE_AFTER = 1.25
 """All is refined when there are this many times the frames that there were at the last time."""
 BETWEEN = 12
 """Steps of a refinement in between; the last is left to whoever wants it."""
+OFF_DEG, OFF_SHARE = 5.0, 0.1
+"""A given pose that ends up farther than this from where it was given was not one of this photograph."""
 GRACE_PX = 6.0
 """How far apart sightings of a point may be while poses are still rough."""
 
@@ -123,7 +126,7 @@ def grow(
                 # By the others alone: a given pose must not speak for itself.
                 others = {other: camera for other, camera in cameras.items() if other != name}
                 known = surface_points_of(scene, others, tracks)
-            frames[name] = _counted(name, cameras[name], name in posed, tracks, known)
+            frames[name] = _counted(scene, name, cameras[name], posed.get(name), tracks, known)
         else:
             shared, why = refused[name]
             said = _said(name, tracks) if shared < LEAST else ""
@@ -131,7 +134,9 @@ def grow(
     return Grown(cameras, frames)
 
 
-def _counted(name: str, camera: Camera, given: bool, tracks: Tracks, points: F64) -> Placed:
+def _counted(
+    scene: RayScene, name: str, camera: Camera, given: Camera | None, tracks: Tracks, points: F64
+) -> Placed:
     """How a frame's pose agrees with the points that it shares with others."""
     size = np.bincount(tracks.track, minlength=tracks.count)
     frame = tracks.names.index(name) if name in tracks.names else -1
@@ -140,13 +145,22 @@ def _counted(name: str, camera: Camera, given: bool, tracks: Tracks, points: F64
     error_px = _apart(camera, points[tracks.track[rows]], tracks.uv_px[rows])
     good = error_px[error_px < INLIER_PX]
     rms_px = float(np.sqrt((good**2).mean())) if len(good) else float("nan")
-    if given and len(rows) >= LEAST and len(good) < max(LEAST, CHANCE * len(rows)):
+    if given is None:
+        return Placed("placed", len(rows), len(good), rms_px)
+    if len(rows) >= LEAST and len(good) < max(LEAST, CHANCE * len(rows)):
         why = (
             f"of {len(rows)} points shared with other photographs {len(good)} are where the given pose has "
             "them; is the pose another photograph's?"
         )
         return Placed("contradicts", len(rows), len(good), rms_px, why)
-    return Placed("given" if given else "placed", len(rows), len(good), rms_px)
+    angle, away = apart(given, camera, scene.centre)
+    if angle > OFF_DEG or away > OFF_SHARE:
+        why = (
+            f"the given pose is {angle:.1f} degrees and {100 * away:.0f} % of the distance away from the one "
+            f"that {len(good)} points shared with other photographs agree on; is it another photograph's?"
+        )
+        return Placed("contradicts", len(rows), len(good), rms_px, why)
+    return Placed("given", len(rows), len(good), rms_px)
 
 
 def surface_points_of(scene: RayScene, cameras: Mapping[str, Camera], tracks: Tracks) -> F64:

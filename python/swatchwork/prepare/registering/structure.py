@@ -23,6 +23,8 @@ from swatchwork.prepare.registering.view import View
 
 SEED = 0
 LEAST_VIEWS = 3
+ERROR_PX = 2.0
+"""Half of COLMAP's own, of matches and of points."""
 GL_FROM_CV = np.diag([1.0, -1.0, -1.0, 1.0])
 """COLMAP's camera has y down and z ahead."""
 
@@ -100,7 +102,7 @@ def structure_from_motion(views: Sequence[View], work_folder: Path, features: in
             reader.mask_path = str(masks)
             extraction = pycolmap.FeatureExtractionOptions()
             extraction.sift.max_num_features = features
-            extraction.use_gpu = False
+            extraction.use_gpu, extraction.num_threads = False, 1
             pycolmap.extract_features(
                 database,
                 images,
@@ -111,8 +113,12 @@ def structure_from_motion(views: Sequence[View], work_folder: Path, features: in
                 pycolmap.Device.cpu,
             )
         matching = pycolmap.FeatureMatchingOptions()
-        matching.use_gpu = False
-        pycolmap.match_exhaustive(database, matching, device=pycolmap.Device.cpu)
+        matching.use_gpu, matching.num_threads = False, 1
+        verification = pycolmap.TwoViewGeometryOptions()
+        verification.ransac.random_seed, verification.ransac.max_error = SEED, ERROR_PX
+        pycolmap.match_exhaustive(
+            database, matching, verification_options=verification, device=pycolmap.Device.cpu
+        )
         made_models = pycolmap.incremental_mapping(database, images, folder, _mapping(pycolmap))
     except RuntimeError as error:
         raise InputError(
@@ -152,9 +158,9 @@ def _pycolmap() -> Any:
 def _mapping(pycolmap: Any) -> Any:
     """Options that hold the lenses, and give the same answer every time."""
     options = pycolmap.IncrementalPipelineOptions()
-    options.random_seed = SEED
+    options.random_seed = options.mapper.random_seed = options.triangulation.random_seed = SEED
     # Threads share the work in an order of their own, and sums of floats with it.
-    options.num_threads = 1
+    options.num_threads = options.mapper.num_threads = 1
     options.ba_refine_focal_length = options.ba_refine_principal_point = False
     options.ba_refine_extra_params = False
     options.mapper.abs_pose_refine_focal_length = options.mapper.abs_pose_refine_extra_params = False
@@ -163,6 +169,10 @@ def _mapping(pycolmap: Any) -> Any:
     options.mapper.init_min_num_inliers = 50
     options.mapper.abs_pose_min_num_inliers = 20
     options.extract_colors = False
+    # Lenses are known: what is farther off than this is wrong, not yet to be calibrated away.
+    options.mapper.filter_max_reproj_error = options.mapper.init_max_error = ERROR_PX
+    options.triangulation.merge_max_reproj_error = options.triangulation.complete_max_reproj_error = ERROR_PX
+    options.mapper.abs_pose_max_error = 3 * ERROR_PX
     return options
 
 
