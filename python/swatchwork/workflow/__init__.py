@@ -14,6 +14,7 @@ from .planning import PlanSummary, plan_views
 from .preparing_calibrate import calibrate_photographs
 from .preparing_linearize import linearize_photographs
 from .preparing_probe import prepare_probe
+from .preparing_register import RegisterSummary, register_photographs
 from .recovery import ReconstructSummary, digest_of_the_package, fingerprints, reconstruct_folder
 from .relighting import RelightSummary, given_environment, relight_folder
 from .scenes import environments_of
@@ -26,6 +27,7 @@ __all__ = [
     "PlanSummary",
     "ReconstructOptions",
     "ReconstructSummary",
+    "RegisterSummary",
     "RelightSummary",
     "SolveOptions",
     "StageCost",
@@ -42,6 +44,7 @@ __all__ = [
     "plan_views",
     "prepare_probe",
     "reconstruct_folder",
+    "register_photographs",
     "relight_folder",
     "run_demo",
 ]

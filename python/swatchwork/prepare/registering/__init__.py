@@ -8,6 +8,7 @@ from swatchwork.prepare.registering.motion import apart, moved, projected
 from swatchwork.prepare.registering.onto_mesh import Aligned, align_to_mesh
 from swatchwork.prepare.registering.pairs import Pairs, read_pairs, write_pairs
 from swatchwork.prepare.registering.posing import Posed, default_tolerance_px, pose_from_pairs
+from swatchwork.prepare.registering.register import Clues, FrameFit, Others, Registered, register
 from swatchwork.prepare.registering.resection import Resection, resect
 from swatchwork.prepare.registering.sliding import Extra
 from swatchwork.prepare.registering.structure import Structure, structure_from_motion
@@ -17,12 +18,16 @@ from swatchwork.prepare.registering.view import View
 __all__ = [
     "Aligned",
     "Bundle",
+    "Clues",
     "Extra",
     "Features",
+    "FrameFit",
     "Grown",
+    "Others",
     "Pairs",
     "Placed",
     "Posed",
+    "Registered",
     "Resection",
     "Structure",
     "Tracks",
@@ -39,6 +44,7 @@ __all__ = [
     "projected",
     "read_pairs",
     "refine",
+    "register",
     "resect",
     "structure_from_motion",
     "write_pairs",

@@ -24,6 +24,12 @@ def moved(camera: Camera, step: F64) -> Camera:
     return replace(camera, world_from_camera=camera.world_from_camera @ local)
 
 
+def motion_between(start: Camera, end: Camera) -> F64:
+    """The motion [6] in the axes of ``start`` by which `moved` makes ``end`` of it."""
+    local = np.linalg.inv(start.world_from_camera) @ end.world_from_camera
+    return np.concatenate([Rotation.from_matrix(local[:3, :3]).as_rotvec(), local[:3, 3]])
+
+
 def projected(camera: Camera, x_in_world: F64) -> tuple[F64, F64, F64]:
     """Points [P, 3] in the image, and how that changes.
 

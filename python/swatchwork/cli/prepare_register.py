@@ -1,0 +1,113 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""``swatchwork prepare register``."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..errors import InputError
+from .console import session
+from .options import AsJson, Convention, Quiet, Verbose
+
+
+class Others(StrEnum):
+    """How photographs without pairs are placed."""
+
+    features = "features"
+    colmap = "colmap"
+    none = "none"
+
+
+def register(
+    photographs: Annotated[
+        list[Path],
+        typer.Argument(help="Photographs of the object, or folders of them; best the linear EXRs."),
+    ],
+    *,
+    mesh: Annotated[Path, typer.Option(help="The object; its coordinates become the capture's world.")],
+    intrinsics: Annotated[Path, typer.Option(help="Lens of all photographs: JSON of `prepare calibrate`.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Capture folder to write: new, or empty.")],
+    pairs: Annotated[
+        Path | None,
+        typer.Option(help="Points marked in one or more photographs: JSON of `prepare pairs`."),
+    ] = None,
+    masks: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder of masks, NAME.png or STEM.png for each photograph.", show_default="alpha, or none"
+        ),
+    ] = None,
+    others: Annotated[
+        Others,
+        typer.Option(
+            help="How photographs without pairs are placed: by SIFT features on the mesh, by structure from "
+            "motion (pycolmap), or not."
+        ),
+    ] = Others.features,
+    scan_error: Annotated[
+        float,
+        typer.Option(min=0, metavar="LENGTH", help="Standard deviation of the scan's surface, in its unit."),
+    ] = 0.0,
+    environment: Annotated[
+        Path | None,
+        typer.Option(
+            help="HDR light probe in the mesh's world.",
+            show_default="added later by `prepare probe --capture`",
+        ),
+    ] = None,
+    convention: Annotated[
+        Convention | None,
+        typer.Option(help="How its pixels stand for directions; required with --environment."),
+    ] = None,
+    link: Annotated[bool, typer.Option("--link", help="Hard links to the photographs, not copies.")] = False,
+    as_json: AsJson = False,
+    verbose: Verbose = False,
+    quiet: Quiet = False,
+) -> None:
+    """Find where photographs were taken from, and write the capture.
+
+    Mark 6 to 12 points in one photograph and on the mesh first (`swatchwork prepare pairs`). Silhouettes
+    refine that pose where there are masks; the other photographs follow by features that they share, and all
+    poses are refined together with the mesh held fixed. register.html shows the mesh over each photograph.
+
+    Examples:
+
+    swatchwork prepare pairs linear/IMG_0001.exr --mesh scan.ply --intrinsics lens.json -o pairs.json
+
+    swatchwork prepare register linear --mesh scan.ply --intrinsics lens.json --pairs pairs.json -o capture
+    """
+    from ..capture import EnvironmentSource
+    from ..workflow import register_photographs
+
+    with session(as_json=as_json, quiet=quiet, verbose=verbose) as run:
+        light = None
+        if environment is not None:
+            if convention is None:
+                raise InputError(
+                    "nothing says how its pixels stand for directions",
+                    file=environment,
+                    expected="--convention " + " or ".join(Convention),
+                )
+            light = EnvironmentSource(environment, convention.value)
+        elif convention is not None:
+            raise InputError("--convention says how --environment is read", expected="--environment FILE too")
+        found = register_photographs(
+            photographs,
+            output,
+            mesh=mesh,
+            intrinsics=intrinsics,
+            pairs=pairs,
+            masks=masks,
+            others=others.value,
+            scan_error=scan_error,
+            environment=light,
+            link=link,
+            progress=run.progress,
+        )
+        run.say(found.in_words())
+        run.result(found.as_dict())
