@@ -13,15 +13,16 @@ import typer
 from .prepare_calibrate import calibrate
 from .prepare_import import import_
 from .prepare_linearize import linearize
+from .prepare_pairs import pairs
 from .prepare_probe import probe
 
 HELP = """
-From photographs to a capture: linear radiance, camera intrinsics, the light probe, imports.
+From photographs to a capture: linear radiance, camera intrinsics, points for poses, the light probe, imports.
 
 Each step has a figure of merit and a picture to check by eye.
 """
 
-STEPS: tuple[Callable[..., Any], ...] = (linearize, calibrate, probe, import_)
+STEPS: tuple[Callable[..., Any], ...] = (linearize, calibrate, pairs, probe, import_)
 """The commands, in the order of use."""
 
 app = typer.Typer(
