@@ -51,7 +51,8 @@ def edges(depth: F64, step: float) -> np.ndarray:
     1 / depth of a plane is linear in the image, whatever its slant, so its second difference shows only what
     is no plane. Depth [H, W] is inf where there is nothing.
     """
-    nearness = 1 / np.pad(depth, 1, mode="edge")
+    # Beyond the border a plane goes on.
+    nearness = np.pad(1 / depth, 1, mode="reflect", reflect_type="odd")
     middle = nearness[1:-1, 1:-1]
     across = 2 * middle - nearness[1:-1, :-2] - nearness[1:-1, 2:]
     down = 2 * middle - nearness[:-2, 1:-1] - nearness[2:, 1:-1]
