@@ -99,23 +99,23 @@ def opened(browser: Any, scene: Scene, request: pytest.FixtureRequest) -> Iterat
 def check_saved(scene: Scene, zoomed: float) -> None:
     """That the six pairs in the file are the scene's, each to what a pixel of the screen allows."""
     pairs = read_pairs(scene.output)["IMG_1"]
-    # Either side may be off by half a pixel of the screen in u and v (by mouse it is mostly exact), of which a
-    # photograph's pixel has 1.6 when it fills the pane; the mesh is seen larger still.
+    # Either side may be off by half a pixel of the screen in u and v (by mouse it is mostly exact), of which
+    # a photograph's pixel has 1.6 when it fills the pane; the mesh is seen larger still.
     slack_px = 2 * np.hypot(0.5, 0.5) / (1.6 * zoomed)
     assert np.abs(pairs.uv_px - UV).max() < slack_px
     off = np.linalg.norm(scene.camera.project(pairs.x_in_world)[0] - pairs.uv_px, axis=1)
     assert off.max() < slack_px
     posed = pose_from_pairs(lens_of(scene), pairs.uv_px, pairs.x_in_world)
     angle, away = apart(scene.camera, posed.camera, scene.rays.centre)
-    # These points span 110 pixels and little depth: of 300 random draws of clicks within 0.88 pixels the worst
-    # was off by 3.3 degrees and 5 % of the distance.
+    # These points span 110 pixels and little depth: of 300 random draws of clicks within 0.88 pixels the
+    # worst was off by 3.3 degrees and 5 % of the distance.
     assert angle < 4 * slack_px and away < 0.06 * slack_px
 
 
 def test_six_pairs_by_mouse_are_the_cameras_pose(opened: Page, scene: Scene) -> None:
     mouse = opened.page.mouse
     for i, (uv, x) in enumerate(zip(UV, scene.seen(UV), strict=True)):
-        opened.until("point on the photograph" if i == 0 else "Next point" if i < 4 else "outline")
+        opened.until("Click a point on the photograph" if i == 0 else "Next point" if i < 4 else "outline")
         mouse.click(*opened.photo(uv))
         opened.until("same point on the mesh")
         mouse.click(*opened.mesh(x))
@@ -200,6 +200,7 @@ def test_existing_pairs_are_gone_on_from(opened: Page, scene: Scene) -> None:
 @pytest.mark.parametrize("opened", [five_and_a_slip], indirect=True)
 def test_a_slip_is_marked_and_moved_to_where_it_fits(opened: Page, scene: Scene) -> None:
     opened.until("1 of 6 pairs does not fit", "#pose-note")
+    opened.until("3does not fit the others")
     row = opened.page.locator("#list li").nth(2)
     assert "off" in row.inner_text()
     # Drag the marker; then once more by the row's button and a click.

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import webbrowser
 from pathlib import Path
+from threading import Thread
 from typing import Annotated
 
 import typer
@@ -52,7 +53,8 @@ def pairs(
             # Said even with --quiet: without it there is nothing to do.
             run.console.print(f"{url}\nSave on the page; Ctrl-C here ends.", markup=False, soft_wrap=True)
             if not no_open:
-                webbrowser.open(url)
+                # A browser in the terminal would not come back before it has the page.
+                Thread(target=webbrowser.open, args=(url,), daemon=True).start()
 
         found = prepare_pairs(
             photographs,

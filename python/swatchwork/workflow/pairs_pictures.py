@@ -20,6 +20,8 @@ from ..report.pictures import exposure_for
 KEPT = 3
 """Photographs in memory, at 6 bytes a pixel."""
 QUALITY = 95
+ENOUGH = 500
+"""Rows and columns that the exposure is judged by."""
 CODES = np.arange(1 << 16, dtype=np.uint16).view(np.float16).astype(np.float32)
 """The number that each bit pattern of a half float stands for."""
 
@@ -58,9 +60,7 @@ class Pictures:
             file = self._files[number]
             image = read_image(file)
             linear = np.nan_to_num(image.linear, nan=0.0, posinf=6e4, neginf=0.0)
-            alpha = image.alpha if image.alpha is not None else np.ones(linear.shape[:2], dtype=np.float32)
-            linear_file = file.suffix.lower() in LINEAR_SUFFIXES
-            exposure = exposure_for(linear, alpha) if linear_file else 1.0
+            exposure = _exposure(linear, image.alpha) if file.suffix.lower() in LINEAR_SUFFIXES else 1.0
             # Scaled first, so that very dark radiance does not fall below what a half can hold.
             half = np.clip(linear * np.float32(exposure), 0, 6e4).astype(np.float16).view(np.uint16)
             self._kept[number] = half
@@ -68,6 +68,12 @@ class Pictures:
                 self._kept.popitem(last=False)
         self._kept.move_to_end(number)
         return self._kept[number]
+
+
+def _exposure(linear: F32, alpha: F32 | None) -> float:
+    step = max(1, min(linear.shape[:2]) // ENOUGH)
+    some = linear[::step, ::step]
+    return exposure_for(some, np.ones(some.shape[:2]) if alpha is None else alpha[::step, ::step])
 
 
 def _srgb_codes(linear: F32, factor: float) -> U8:

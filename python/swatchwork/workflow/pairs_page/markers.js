@@ -4,6 +4,12 @@
 
 export const REACH = 9;
 
+/** Black or white, whichever is read better on "#rrggbb". */
+export function inkOn(colour) {
+  const [r, g, b] = [1, 3, 5].map((i) => parseInt(colour.slice(i, i + 2), 16));
+  return 0.3 * r + 0.59 * g + 0.11 * b > 145 ? "#1b1a17" : "#fff";
+}
+
 /** A ring that leaves its point free, and its number beside it. marker: {number, colour, at, selected, hidden, off}. */
 export function drawMarker(c, { number, colour, at: [x, y], selected, hidden, off }) {
   if (!Number.isFinite(x + y)) return;
@@ -35,7 +41,7 @@ export function drawMarker(c, { number, colour, at: [x, y], selected, hidden, of
   c.roundRect(left, top, wide, 17, 8.5);
   c.fill();
   c.stroke();
-  c.fillStyle = "#fff";
+  c.fillStyle = inkOn(colour);
   c.textBaseline = "middle";
   c.fillText(text, left + 5, top + 9);
   c.restore();

@@ -7,7 +7,7 @@ import { meshPainter } from "./gl.js";
 import { Pane } from "./pane.js";
 
 const AWAY = 4; // of the eye, in radii
-const FILLED = 0.86; // of the pane, by the whole mesh
+const FILLED = 0.82; // of the pane, by the whole mesh
 const SOME = 4000; // vertices that stand for all
 const DEGREE = Math.PI / 180;
 

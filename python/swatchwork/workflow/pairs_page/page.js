@@ -190,10 +190,14 @@ const showPhotograph = latest(async (current, keep) => {
   shown = { name, stops };
   photo.stage.classList.toggle("busy", !keep);
   if (!keep) photo.setOutline(undefined);
-  const answer = await get(`photograph?number=${state.photographs.indexOf(name)}&stops=${stops}`);
-  const picture = await createImageBitmap(await answer.blob());
+  let picture;
+  try {
+    const answer = await get(`photograph?number=${state.photographs.indexOf(name)}&stops=${stops}`);
+    picture = await createImageBitmap(await answer.blob());
+  } finally {
+    if (current()) photo.stage.classList.remove("busy");
+  }
   if (!current()) return;
-  photo.stage.classList.remove("busy");
   photo.base.style.filter = "";
   photo.show(picture, keep);
   drawOutline();
@@ -206,6 +210,9 @@ async function changed() {
   if (shown.name !== name) showPhotograph(false);
   try {
     await findPose(name);
+    show();
+    // Undo may have changed another one.
+    for (const other of state.photographs) await findPose(other);
   } catch (error) {
     return tell(error.message);
   }
@@ -266,8 +273,6 @@ changed();
 mesh.stage.classList.add("busy");
 mesh.load(await (await get("mesh")).arrayBuffer(), state.mesh.vertices, state.mesh.faces);
 mesh.stage.classList.remove("busy");
-for (const name of state.photographs) await findPose(name).catch((error) => tell(error.message));
-show();
 await first;
 // For the browser's console, and for tests: where things are on the screen.
 globalThis.swatchwork = { photo, mesh, pairs, poses, inBall };

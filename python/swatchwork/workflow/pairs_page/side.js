@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: MIT
 // The text around the panes: the strip of photographs, what to do next, the pose, the list.
 
+import { inkOn } from "./markers.js";
+
 const $ = (id) => document.getElementById(id);
 
 export function element(tag, attributes = {}, ...children) {
@@ -16,6 +18,7 @@ export function element(tag, attributes = {}, ...children) {
 
 function dot(number, colour) {
   const made = element("b", { class: "dot" }, String(number));
+  made.style.color = inkOn(colour);
   made.style.background = colour; // by script: the page's policy allows no style attributes
   return made;
 }
@@ -38,18 +41,20 @@ export function showPrompt(pairs, pose, fewest, colour, trouble) {
   const prompt = $("prompt");
   const { open, current, moving } = pairs;
   const missing = fewest - pairs.complete().length;
-  const number = moving ? current.number : open?.number;
+  const misfits = pose?.inliers ? pose.numbers.filter((_, i) => !pose.inliers[i]) : [];
+  const about = moving ? [current.number] : open ? [open.number] : misfits;
   let text;
   if (trouble) text = trouble;
   else if (moving) text = "Click its new place on the photograph or on the mesh. Esc leaves it where it is.";
   else if (open) text = `Now click the same point on the ${open.uv ? "mesh" : "photograph"}.`;
-  else if (missing === fewest) text = "Click a point on the photograph that you can find on the mesh too: a corner, a tip, the end of a crease.";
+  else if (missing === fewest) text = "Click a point on the photograph, then the same point on the mesh: a corner, a tip, the end of a crease.";
   else if (missing > 0) text = `Next point. ${missing} more ${missing === 1 ? "pair makes" : "pairs make"} a pose; well apart is best.`;
   else if (!pose) text = "Finding the pose.";
   else if (pose.reason) text = `No pose: ${pose.reason}`;
-  else text = "Does the outline lie on the object? Then save. If not: add pairs where it is off, or move those that are marked.";
+  else if (misfits.length) text = `${misfits.length > 1 ? "do" : "does"} not fit the others: move or delete what is wrong.`;
+  else text = "Does the outline lie on the object? Then save. If not, add pairs where it is off.";
   prompt.classList.toggle("bad", Boolean(trouble || pose?.reason));
-  const said = number && !trouble ? [dot(number, colour(number)), text] : [text];
+  const said = [...(trouble ? [] : about.map((number) => dot(number, colour(number)))), text];
   if (prompt.textContent !== said.map((s) => s.textContent ?? s).join("")) prompt.replaceChildren(...said);
   const next = trouble || moving ? "" : open ? (open.uv ? "mesh" : "photo") : missing > 0 ? "photo" : "";
   for (const id of ["photo", "mesh"]) $(id).classList.toggle("next", id === next);
