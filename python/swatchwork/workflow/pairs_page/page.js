@@ -7,6 +7,7 @@ import { bindKeys } from "./keys.js";
 import { MeshPane } from "./mesh.js";
 import { Pairs } from "./pairs.js";
 import { PhotoPane } from "./photo.js";
+import { Poses } from "./poses.js";
 import { ask, get, post } from "./server.js";
 import { showList, showPhotographs, showPose, showPrompt } from "./side.js";
 
@@ -18,11 +19,9 @@ const inBall = (x) => scale(add(x, centre, -1), 1 / radius);
 const colour = (number) => state.palette[(number - 1) % state.palette.length];
 
 const pairs = new Pairs(state.photographs, state.pairs);
-const poses = {}; // by photograph: the server's answer, with the pairs' numbers and the text it is of
+const poses = new Poses(pairs, state.fewest);
 let trouble = "";
 let hidden = new Set();
-
-const pose = () => (poses[pairs.photograph]?.rms_px === undefined ? undefined : poses[pairs.photograph]);
 
 function later(work) {
   let timer;
@@ -47,7 +46,7 @@ function latest(work) {
 
 function tell(text) {
   trouble = text;
-  showPrompt(pairs, poses[pairs.photograph], state.fewest, colour, trouble);
+  showPrompt(pairs, poses.answer, state.fewest, colour, trouble);
 }
 
 async function pick(at) {
@@ -106,7 +105,7 @@ const settle = latest(async (current) => {
 });
 
 const drawOutline = latest(async (current) => {
-  const found = pose();
+  const found = poses.current;
   if (!found || photo.opacity === 0) return photo.setOutline(undefined);
   const { window, size } = photo;
   const drawn = size.map((v) => Math.max(1, Math.min(2400, Math.round(v * Math.min(devicePixelRatio, 2)))));
@@ -116,23 +115,7 @@ const drawOutline = latest(async (current) => {
 });
 
 async function findPose(name) {
-  const whole = pairs.complete(name);
-  const text = JSON.stringify(whole);
-  if (whole.length < state.fewest) delete poses[name];
-  else if (poses[name]?.text !== text) {
-    poses[name] = { ...poses[name], text };
-    const found = await ask("pose", { uv_px: whole.map((p) => p.uv), x_in_mesh: whole.map((p) => p.x) });
-    // Answers to pairs that have moved on meanwhile are late.
-    if (poses[name]?.text !== text) return;
-    poses[name] = { ...found, text, numbers: whole.map((p) => p.number) };
-  } else return;
-  if (name === pairs.photograph) drawOutline();
-}
-
-function residual(number) {
-  const found = pose();
-  const i = found ? found.numbers.indexOf(number) : -1;
-  return i < 0 ? undefined : { px: found.residual_px[i], fits: found.inliers[i], at: found.projected_px[i] };
+  if ((await poses.find(name)) && name === pairs.photograph) drawOutline();
 }
 
 function showMarkers() {
@@ -141,12 +124,12 @@ function showMarkers() {
     colour: colour(p.number),
     point,
     selected: p.number === pairs.selected,
-    off: residual(p.number)?.fits === false,
+    off: poses.residual(p.number)?.fits === false,
   });
   photo.markers = pairs.list.filter((p) => p.uv).map((p) => marker(p, p.uv));
   mesh.markers = pairs.list.filter((p) => p.x).map((p) => ({ ...marker(p, inBall(p.x)), hidden: hidden.has(p.number) }));
   photo.residuals = pairs.complete().flatMap((p) => {
-    const to = residual(p.number)?.at;
+    const to = poses.residual(p.number)?.at;
     return to && to.every((v) => v !== null) ? [{ from: p.uv, to, colour: colour(p.number) }] : [];
   });
   photo.redraw();
@@ -154,11 +137,11 @@ function showMarkers() {
 }
 
 function show() {
-  const found = poses[pairs.photograph];
-  showPhotographs(pairs, poses, (name) => pairs.show(name));
+  const found = poses.answer;
+  showPhotographs(pairs, poses.of, (name) => pairs.show(name));
   showPrompt(pairs, found, state.fewest, colour, trouble);
   showPose(pairs, found, state.fewest, state.recommended);
-  showList(pairs, residual, colour, {
+  showList(pairs, (number) => poses.residual(number), colour, {
     select: reveal,
     move: (number) => {
       reveal(number);
@@ -171,6 +154,7 @@ function show() {
   $("save").disabled = !pairs.changed;
   $("file").textContent = pairs.changed ? "Not saved yet" : pairs.text() === pairs.empty ? "" : `Saved in ${state.output}`;
   $("photo-name").textContent = pairs.photograph;
+  document.body.classList.toggle("begun", pairs.complete().length > 1);
   showMarkers();
 }
 
@@ -222,7 +206,7 @@ async function changed() {
 const settleLater = later(() => settle());
 
 function fromCamera() {
-  const found = pose();
+  const found = poses.current;
   if (!found) return;
   const { fx, fy, cx, cy } = state.lens;
   const m = found.world_from_camera;

@@ -64,7 +64,8 @@ export class Pane {
       this.paint();
       const c = this.cleared(this.over);
       this.paintOver(c);
-      for (const marker of this.markers) drawMarker(c, { ...marker, at: this.toScreen(marker.point) });
+      const last = (a, b) => Number(a.selected) - Number(b.selected);
+      for (const marker of [...this.markers].sort(last)) drawMarker(c, { ...marker, at: this.toScreen(marker.point) });
       if (this.keyed) drawCrosshair(c, this.crosshair());
     });
   }

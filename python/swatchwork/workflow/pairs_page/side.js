@@ -33,7 +33,11 @@ export function showPhotographs(pairs, poses, choose) {
     const current = String(name === pairs.photograph);
     return element("button", { "aria-current": current, onclick: () => choose(name) }, name, element("span", { class: "n" }, state));
   };
-  replaced($("photographs"), names.map(button));
+  const strip = $("photographs");
+  const before = strip.scrollLeft;
+  replaced(strip, names.map(button));
+  strip.scrollLeft = before;
+  strip.querySelector("[aria-current=true]").scrollIntoView({ block: "nearest", inline: "nearest" });
 }
 
 /** What to do next, in the words of the person's work. */
@@ -102,7 +106,8 @@ export function showList(pairs, residual, colour, does) {
     return element("li", { class: selected ? "selected" : "" }, pick, act("move", "Move"), act("remove", "Delete"));
   };
   const rows = pairs.list.map(row);
-  replaced($("list"), rows.length ? rows : [element("li", { class: "empty" }, "None yet. Points appear here with what the pose leaves of each.")]);
+  replaced($("list"), rows.length ? rows : [element("li", { class: "empty" }, "None yet. Each comes with how far the pose is off it.")]);
+  $("list").querySelector(".selected")?.scrollIntoView({ block: "nearest" });
 }
 
 /** Exchange children and leave the keyboard's focus on the one that stands for the same. */
