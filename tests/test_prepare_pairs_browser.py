@@ -201,6 +201,25 @@ def test_existing_pairs_are_gone_on_from(opened: Page, scene: Scene) -> None:
     np.testing.assert_array_equal(kept.x_in_world, np.delete(scene.seen(UV), 1, axis=0))
 
 
+def two_exchanged(scene: Scene) -> dict[str, Any]:
+    document = six(scene)
+    pairs = document["photographs"]["IMG_1.exr"][:5]
+    pairs[0]["uv_px"], pairs[2]["uv_px"] = pairs[2]["uv_px"], pairs[0]["uv_px"]
+    return {"mesh": "blob.obj", "photographs": {"IMG_1.exr": pairs}}
+
+
+@pytest.mark.parametrize("opened", [two_exchanged], indirect=True)
+def test_pairs_without_a_pose_say_why_and_the_list_is_worked_by_keys(opened: Page) -> None:
+    opened.until("No pose: ")
+    opened.until("None", "#rms")
+    assert opened.page.is_disabled("#from-camera")
+    opened.keys("F6", "F6", "F6", "m")
+    opened.until("1Click its new place")
+    opened.keys("Escape", "Delete")
+    assert [p["number"] for p in opened.pairs()] == [2, 3, 4, 5]
+    assert opened.page.evaluate("document.activeElement.closest('li').dataset.number") == "2"
+
+
 @pytest.mark.parametrize("opened", [five_and_a_slip], indirect=True)
 def test_a_slip_is_marked_and_moved_to_where_it_fits(opened: Page, scene: Scene) -> None:
     opened.until("1 of 6 pairs does not fit", "#pose-note")

@@ -5,7 +5,7 @@
 const $ = (id) => document.getElementById(id);
 
 export function bindKeys({ pairs, photo, mesh, save, fromCamera }) {
-  const stations = () => [photo.stage, mesh.stage, document.querySelector("#list button")].filter(Boolean);
+  const stations = () => [photo.stage, mesh.stage, document.querySelector("#list .selected button, #list:not(:has(.selected)) button")].filter(Boolean);
 
   function nextStation(back) {
     const all = stations();
@@ -18,14 +18,17 @@ export function bindKeys({ pairs, photo, mesh, save, fromCamera }) {
     pairs.show(names.at((names.indexOf(pairs.photograph) + by) % names.length));
   }
 
+  // In the list keys are about the row that has the focus.
+  const number = () => Number(document.activeElement.closest("li[data-number]")?.dataset.number ?? pairs.selected);
+
   const plain = {
     "?": () => $("help").showModal(),
     "[": () => pairs.step(-1),
     "]": () => pairs.step(1),
-    m: () => pairs.current && pairs.select(pairs.selected, true),
+    m: () => pairs.find(number()) && pairs.select(number(), true),
     c: fromCamera,
-    Delete: () => pairs.remove(),
-    Backspace: () => pairs.remove(),
+    Delete: () => pairs.remove(number()),
+    Backspace: () => pairs.remove(number()),
     Escape: () => (pairs.moving ? pairs.select(pairs.selected) : pairs.select(undefined)),
     PageUp: () => showOther(-1),
     PageDown: () => showOther(1),

@@ -68,7 +68,7 @@ export function showPose(pairs, pose, fewest, recommended) {
   const found = pose?.rms_px !== undefined;
   const off = found ? pose.inliers.filter((fits) => !fits).length : 0;
   const count = pairs.complete().length;
-  replaced($("rms"), found ? [pose.rms_px.toFixed(2), element("small", {}, "px rms")] : [`${Math.min(count, fewest)} of ${fewest}`, element("small", {}, "pairs")]);
+  replaced($("rms"), pose?.reason ? ["None"] : found ? [pose.rms_px.toFixed(2), element("small", {}, "px rms")] : [`${Math.min(count, fewest)} of ${fewest}`, element("small", {}, "pairs")]);
   const [note, kind] = noteOf(pairs, pose, off, fewest, recommended);
   $("pose-note").textContent = note;
   $("pose-note").className = `note ${kind}`;
@@ -79,7 +79,7 @@ export function showPose(pairs, pose, fewest, recommended) {
 /** What to think of the pose, and whether that is "good" or "off". */
 function noteOf(pairs, pose, off, fewest, recommended) {
   const count = pairs.complete().length;
-  if (pose?.reason) return ["These pairs give none.", "off"];
+  if (pose?.reason) return ["The pairs contradict each other, or say too little.", "off"];
   if (pose?.rms_px === undefined) return [`The pose comes with pair ${fewest}.`, ""];
   if (pose.focal_fits) return [`A focal length of ${pose.focal_fits.toFixed(2)} times the given one fits better. Are the intrinsics of this lens and focus?`, "off"];
   if (pose.ambiguous) return ["Another pose fits nearly as well: add points that differ in depth.", "off"];
@@ -93,7 +93,7 @@ export function showList(pairs, residual, colour, does) {
   $("count").textContent = pairs.list.length || "";
   const row = ({ number, uv, x }) => {
     const left = residual(number);
-    const words = !uv ? "photograph?" : !x ? "mesh?" : left ? `${left.px === null ? "unseen" : left.px.toFixed(2) + " px"}${left.fits ? "" : " off"}` : "";
+    const words = !uv ? "photograph?" : !x ? "mesh?" : left ? `${left.px === null ? "unseen" : left.px.toFixed(2) + " px"}${left.fits ? "" : " off"}` : "placed";
     const selected = number === pairs.selected;
     const pick = element(
       "button",
@@ -103,7 +103,7 @@ export function showList(pairs, residual, colour, does) {
     );
     const act = (name, label) =>
       element("button", { class: "act", "aria-label": `${label} pair ${number}`, "data-key": `${name}-${number}`, onclick: () => does[name](number) }, label);
-    return element("li", { class: selected ? "selected" : "" }, pick, act("move", "Move"), act("remove", "Delete"));
+    return element("li", { class: selected ? "selected" : "", "data-number": number }, pick, act("move", "Move"), act("remove", "Delete"));
   };
   const rows = pairs.list.map(row);
   replaced($("list"), rows.length ? rows : [element("li", { class: "empty" }, "None yet. Each comes with how far the pose is off it.")]);
