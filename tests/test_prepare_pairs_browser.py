@@ -78,6 +78,14 @@ class Page:
         for name in names:
             self.page.keyboard.press(name)
 
+    def poll(self, condition: str) -> None:
+        """Wait until JavaScript says true; the page's policy keeps Playwright's own wait from evaluating."""
+        for _ in range(500):
+            if self.page.evaluate(condition):
+                return
+            self.page.wait_for_timeout(20)
+        raise AssertionError(f"never came true: {condition}")
+
     def until(self, text: str, where: str = "#prompt") -> None:
         self.page.locator(where).filter(has_text=text).wait_for(timeout=15000)
 
@@ -259,6 +267,46 @@ def test_the_view_from_the_camera_lies_on_the_photograph(opened: Page, scene: Sc
         shift = np.array(opened.mesh(at)) - opened.photo(uv) - [panes[1] - panes[0], 0]
         assert np.abs(shift).max() < 1.0
     opened.page.wait_for_selector("#outline-row", state="visible")
+
+
+def test_zoom_keeps_what_is_under_the_cursor_and_turning_what_is_in_the_middle(
+    opened: Page, scene: Scene
+) -> None:
+    page, mouse, uv, x = opened.page, opened.page.mouse, UV[0], scene.seen(UV)[0]
+    for where, size in (
+        (lambda: opened.photo(uv), "swatchwork.photo.zoomed"),
+        (lambda: opened.mesh(x), "swatchwork.mesh.view.f"),
+    ):
+        before, was = where(), page.evaluate(size)
+        mouse.move(*before)
+        mouse.wheel(0, -240)
+        opened.poll(f"{size} > {1.3 * was}")
+        # A wheel's events have whole pixels, and a step of the wheel zooms by half.
+        np.testing.assert_allclose(where(), before, atol=0.5)
+    box = page.locator("#mesh .stage").bounding_box()
+    middle = [box["x"] + box["width"] / 2, box["y"] + box["height"] / 2]
+    mouse.move(*opened.mesh(x))
+    page.keyboard.down("Shift")
+    mouse.down()
+    mouse.move(*middle, steps=4)
+    mouse.up()
+    page.keyboard.up("Shift")
+    np.testing.assert_allclose(opened.mesh(x), middle, atol=1.0)
+    at = page.evaluate("(x) => swatchwork.inBall(x)", x.tolist())
+    # What the server finds in the middle is next to the point.
+    opened.poll(f"Math.hypot(...{at}.map((v, i) => v - swatchwork.mesh.pivot[i])) < 0.02")
+    eye, pivot = page.evaluate("[swatchwork.mesh.view.eye, swatchwork.mesh.pivot]")
+    mouse.move(middle[0] + 60, middle[1])
+    mouse.down()
+    mouse.move(middle[0] + 100, middle[1] + 30, steps=5)
+    mouse.up()
+    turned = page.evaluate("swatchwork.mesh.view.eye")
+    # Half a degree a pixel, 50 pixels: the mesh follows the cursor, so the eye goes left and up.
+    cosine = np.dot(eye, turned) / np.linalg.norm(eye) / np.linalg.norm(turned)
+    assert np.degrees(np.arccos(cosine)) == pytest.approx(25, abs=1.5)
+    assert turned[0] < eye[0] and turned[1] > eye[1]
+    # Single precision of the pick, times the zoom.
+    np.testing.assert_allclose(opened.on_screen("mesh", "value", pivot), middle, atol=0.05)
 
 
 def test_a_click_beside_the_mesh_places_nothing(opened: Page) -> None:

@@ -36,8 +36,10 @@ export class Pane {
     return made;
   }
 
+  /** Width and height, with their fractions of a pixel: canvases are stretched to it. */
   get size() {
-    return [this.stage.clientWidth, this.stage.clientHeight];
+    const { width, height } = this.stage.getBoundingClientRect();
+    return [width, height];
   }
 
   get middle() {
@@ -72,8 +74,9 @@ export class Pane {
 
   cleared(canvas) {
     const c = canvas.getContext("2d");
-    c.setTransform(devicePixelRatio, 0, 0, devicePixelRatio, 0, 0);
-    c.clearRect(0, 0, canvas.width, canvas.height);
+    const [width, height] = this.size;
+    c.setTransform(canvas.width / width, 0, 0, canvas.height / height, 0, 0);
+    c.clearRect(0, 0, width, height);
     return c;
   }
 
