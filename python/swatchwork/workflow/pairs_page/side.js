@@ -106,7 +106,7 @@ export function showList(pairs, residual, colour, does) {
     return element("li", { class: selected ? "selected" : "", "data-number": number }, pick, act("move", "Move"), act("remove", "Delete"));
   };
   const rows = pairs.list.map(row);
-  replaced($("list"), rows.length ? rows : [element("li", { class: "empty" }, "None yet. Each comes with how far the pose is off it.")]);
+  replaced($("list"), rows.length ? rows : [element("li", { class: "empty" }, "None yet. Each will show how well it fits the pose.")]);
   $("list").querySelector(".selected")?.scrollIntoView({ block: "nearest" });
 }
 
