@@ -13,6 +13,7 @@ import typer
 from .prepare_calibrate import calibrate
 from .prepare_import import import_
 from .prepare_linearize import linearize
+from .prepare_pairs import pairs
 from .prepare_probe import probe
 from .prepare_register import register
 
@@ -22,7 +23,7 @@ From photographs to a capture: linear radiance, camera intrinsics, poses, the li
 Each step has a figure of merit and a picture to check by eye.
 """
 
-STEPS: tuple[Callable[..., Any], ...] = (linearize, calibrate, register, probe, import_)
+STEPS: tuple[Callable[..., Any], ...] = (linearize, calibrate, pairs, register, probe, import_)
 """The commands, in the order of use."""
 
 app = typer.Typer(

@@ -13,6 +13,7 @@ from .measuring import evaluate_folders
 from .planning import PlanSummary, plan_views
 from .preparing_calibrate import calibrate_photographs
 from .preparing_linearize import linearize_photographs
+from .preparing_pairs import PairsSummary, prepare_pairs
 from .preparing_probe import prepare_probe
 from .preparing_register import RegisterSummary, register_photographs
 from .recovery import ReconstructSummary, digest_of_the_package, fingerprints, reconstruct_folder
@@ -24,6 +25,7 @@ __all__ = [
     "CheckSummary",
     "CostRecorder",
     "DemoSummary",
+    "PairsSummary",
     "PlanSummary",
     "ReconstructOptions",
     "ReconstructSummary",
@@ -42,6 +44,7 @@ __all__ = [
     "given_environment",
     "linearize_photographs",
     "plan_views",
+    "prepare_pairs",
     "prepare_probe",
     "reconstruct_folder",
     "register_photographs",

@@ -68,7 +68,7 @@ def read_pairs(file: Path) -> dict[str, Pairs]:
             'has no object "photographs"',
             file=file,
             expected=EXPECTED,
-            hint="The page that `swatchwork prepare register` opens for clicking saves such a file",
+            hint="`swatchwork prepare pairs` saves such a file",
         )
     found: dict[str, Pairs] = {}
     for photograph, entries in photographs.items():
