@@ -28,8 +28,8 @@ from swatchwork.prepare.registering.pairs import Pairs
 from swatchwork.surface import RayScene
 
 STAGES = ((0.1, 60, 8, 0.3), (0.04, 120, 8, 0.1), (0.015, 200, 12, 0.01))
-"""How far a contour is looked for, over the object's size; steps of the grid along it; rounds at most; and the
-motion of the surface in the image, in pixels, below which the stage ends."""
+"""How far a contour is looked for, over the object's size; steps of the grid along it; rounds at most; and
+the motion of the surface in the image, in pixels, below which the stage ends."""
 LEAST_REACH_PX = 4.0
 KNOWN = 1e-3
 """Least lambda: a surface that moves by 1 pixel moves its contours by 0.03, a tenth of a mask's error."""
@@ -81,7 +81,7 @@ class Aligned:
 def align(
     scene: RayScene, images: Sequence[ImageEdges], rig: Rig, pairs: Sequence[Pairs | None], stages: int = 3
 ) -> Aligned:
-    """Move a rig, from ``stages`` from the last on: 3 starts with a wide search, 1 is for a pose nearly right.
+    """Move a rig, in the last ``stages``: 3 starts with a wide search, 1 is for a pose nearly right.
 
     ``images`` and ``pairs`` are those of the rig's cameras; pairs are those to be trusted.
     """

@@ -135,7 +135,7 @@ def _size(scene: RayScene, camera: Camera) -> float:
 
 
 def _placed(scene: RayScene, view: View, camera: Camera) -> Camera:
-    """The camera moved so that the silhouette has the region's centre and area; as it was where one is cut."""
+    """The camera moved so that the silhouette has the region's centre and area; unmoved where one is cut."""
     assert view.region is not None
     region = without_specks(view.region)
     for _ in range(3):
@@ -147,7 +147,7 @@ def _placed(scene: RayScene, view: View, camera: Camera) -> Camera:
         if not len(on) or _cut(on, camera, steps) or not region.any():
             return camera
         rows, columns = np.nonzero(region)
-        own = np.column_stack([columns, rows]) + 0.5
+        own = np.column_stack([columns, rows]).astype(np.float64) + 0.5
         if _cut(own, camera, 1.0):
             return camera
         grow = float(np.sqrt(len(own) / (len(on) * steps**2)))
@@ -162,7 +162,7 @@ def _cut(points: F64, camera: Camera, steps: float) -> bool:
 
 
 def _towards(camera: Camera, centre: F64, at: F64, wanted: F64, grow: float) -> Camera:
-    """The camera moved without a turn so that what is seen ``at`` comes to ``wanted``, ``grow`` times larger."""
+    """The camera moved, not turned, until what is seen ``at`` is at ``wanted``, ``grow`` times larger."""
     _, depth = camera.project(centre[None])
     if not depth[0] > 0:
         return camera

@@ -33,8 +33,8 @@ from swatchwork.progress import SILENT, Progress
 from swatchwork.surface import RayScene
 
 ROUNDS = 3
-"""Of finding the silhouettes' contours and refining all poses by them: the third moves them by hundredths of a
-pixel."""
+"""Of finding the silhouettes' contours and refining all poses by them; the third moves them by hundredths of
+a pixel."""
 Others = Literal["features", "colmap", "none"]
 """How photographs without a clue of their own are placed."""
 
