@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,7 +30,7 @@ def register_sheet(
     suspicious = [Section("What to look at", " ".join(_sentence(s) for s in summary.suspicions))]
     lost = [Section("Not placed", head=("photograph", "why"), rows=tuple(missing.items()))]
     return Sheet(
-        title="Registration",
+        title=f"Registration of {Path(summary.capture).name}",
         summary=f"{len(placed)} of {count} photographs are placed in the mesh's world.",
         figures=(
             Figure(f"{len(placed)} / {count}", "photographs placed"),

@@ -219,7 +219,12 @@ def _suspicions(first: Mapping[str, Posed], grown: Grown) -> list[str]:
     for name, posed in first.items():
         if posed.outliers:
             numbers = ", ".join(str(i + 1) for i in posed.outliers)
-            said.append(f"{name}: pair {numbers} disagrees with the others and is left out")
+            one = len(posed.outliers) == 1
+            said.append(
+                f"{name}: pair {numbers} disagrees with the others and is left out"
+                if one
+                else f"{name}: pairs {numbers} disagree with the others and are left out"
+            )
         if posed.ambiguous:
             said.append(
                 f"{name}: another pose fits the pairs nearly as well ({posed.rival_px:.1f} px, this one "
