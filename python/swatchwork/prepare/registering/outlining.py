@@ -1,0 +1,194 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""The pose of a photograph from its silhouette alone, without a guess.
+
+The mesh's silhouettes from all around are compared with the photograph's, each about its centre, at its own
+size, and at every turn in the image at once (a circular correlation of polar pictures). The most alike are
+refined by contours. A silhouette cannot tell some poses apart, those of symmetric objects above all: a pose is
+surely found only where it fits well and the next best does not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from swatchwork.arrays import F64, Bool, norm, unit
+from swatchwork.capture import Camera
+from swatchwork.prepare.registering.contours import BORDER_PX, without_specks
+from swatchwork.prepare.registering.motion import apart
+from swatchwork.prepare.registering.refining import Refined, iou, refine_by_contours
+from swatchwork.prepare.registering.view import View
+from swatchwork.surface import RayScene
+
+DIRECTIONS = 2000
+"""From which the mesh is seen: 4 degrees apart, and contours refine what is off by half of that."""
+GRID = 64
+ANGLES, RADII = 90, 24
+OUTERMOST = 2.5
+"""Of the polar pictures, in roots of the silhouette's area over pi."""
+TRIED, REFINED = 40, 5
+"""Of the most alike: those whose silhouette is cast in perspective, and those refined."""
+FITS = 0.97
+"""Least intersection over union of a pose that is believed."""
+CLEAR = 0.6
+"""What the silhouettes disagree on, 1 - IoU, over that of the next best pose, at most."""
+DISTINCT = 10.0
+"""Degrees between poses that are not the same."""
+
+
+@dataclass(frozen=True, eq=False)
+class Silhouettes:
+    """Of the mesh from far away.
+
+    Attributes:
+        turn: F64[D, 3, 3], world_from_camera of each; z points at the camera.
+        spectrum: complex [D, RADII, ANGLES // 2 + 1], of polar pictures along the angle.
+        centre: F64[D, 3], a world point whose image is the silhouette's centre.
+        size: F64[D], root of its area over pi, world units.
+        own: F64[D], each picture's weighted area.
+    """
+
+    turn: F64
+    spectrum: np.ndarray
+    centre: F64
+    size: F64
+    own: F64
+
+
+@dataclass(frozen=True, eq=False)
+class Outlined:
+    """A pose by the silhouette; ``camera`` is None where it is not sure, and ``why`` says why."""
+
+    camera: Camera | None
+    iou: float
+    rival: float
+    why: str = ""
+
+
+def silhouettes_around(scene: RayScene, directions: int = DIRECTIONS) -> Silhouettes:
+    """Cast the mesh's silhouettes from all around."""
+    line = (np.arange(GRID) + 0.5) / GRID * 2 - 1
+    plane = np.stack(np.meshgrid(line, -line), axis=-1).reshape(-1, 2)
+    turns, spectra, centres, sizes, owns = [], [], [], [], []
+    for toward in _all_around(directions):
+        turn = _facing(toward)
+        offset = scene.radius * plane @ turn[:, :2].T
+        origin = scene.centre + offset + 2 * scene.radius * toward
+        hit = scene.first_hit(origin, np.broadcast_to(-toward, origin.shape)).mesh == 0
+        inside = hit.reshape(GRID, GRID)
+        where = plane[hit].mean(axis=0) * [1, -1]
+        size = np.sqrt(hit.sum() / np.pi) * 2 / GRID
+        picture = polar(inside, (where + 1) / 2 * GRID, size * GRID / 2)
+        turns.append(turn)
+        centres.append(scene.centre + scene.radius * (turn[:, :2] @ (where * [1, -1])))
+        sizes.append(size * scene.radius)
+        owns.append((picture * WEIGHT).sum())
+        spectra.append(np.fft.rfft(picture, axis=1))
+    return Silhouettes(np.array(turns), np.array(spectra), np.array(centres), np.array(sizes), np.array(owns))
+
+
+RADIUS = (np.arange(RADII) + 0.5) / RADII * OUTERMOST
+WEIGHT = np.repeat(RADIUS[:, None], ANGLES, axis=1)
+
+
+def polar(inside: Bool, centre: F64, size: float) -> F64:
+    """A mask [H, W] about ``centre`` (x, y in pixels), radii in ``size`` pixels: F64[RADII, ANGLES] of 0 and 1.
+
+    Angles run from x to -y: counter-clockwise as one looks at the picture.
+    """
+    angle = np.arange(ANGLES) / ANGLES * 2 * np.pi
+    x = centre[0] + size * RADIUS[:, None] * np.cos(angle)
+    y = centre[1] - size * RADIUS[:, None] * np.sin(angle)
+    column, row = np.floor(x).astype(int), np.floor(y).astype(int)
+    height, width = inside.shape
+    there = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    return np.where(there, inside[row.clip(0, height - 1), column.clip(0, width - 1)], False).astype(np.float64)
+
+
+def pose_from_outline(scene: RayScene, view: View, around: Silhouettes) -> Outlined:
+    """The pose of a view by its region, which must be whole."""
+    if view.region is None or not view.region.any():
+        return Outlined(None, 0.0, 0.0, "has no mask")
+    region = without_specks(view.region)
+    rows, columns = np.nonzero(region)
+    height, width = region.shape
+    edge = BORDER_PX
+    if min(rows.min(), columns.min()) < edge or rows.max() > height - edge or columns.max() > width - edge:
+        return Outlined(None, 0.0, 0.0, "is cut by the frame")
+    centre = np.array([columns.mean(), rows.mean()]) + 0.5
+    size_px = np.sqrt(len(rows) / np.pi)
+    best = sorted(_alike(around, polar(region, centre, size_px)), key=lambda c: -c[0])[:TRIED]
+    starts = [_camera(view.lens, around, d, shift, centre, size_px) for _, d, shift in best]
+    overlaps = [iou(scene, view, camera) or 0.0 for camera in starts]
+    order = _distinct(scene, starts, np.argsort(overlaps)[::-1], REFINED)
+    found = [refine_by_contours(scene, view, starts[i]) for i in order]
+    found.sort(key=lambda fit: -(fit.iou or 0.0))
+    first = found[0]
+    others = [f for f in found[1:] if apart(first.camera, f.camera, scene.centre)[0] > DISTINCT]
+    rival = max((f.iou or 0.0 for f in others), default=0.0)
+    fits = first.iou or 0.0
+    if fits < FITS:
+        why = f"no pose makes its silhouette the mesh's: the best has an intersection over union of {fits:.3f}"
+        return Outlined(None, fits, rival, why)
+    if 1 - fits > CLEAR * (1 - rival):
+        why = f"its silhouette fits several poses, with intersections over union of {fits:.3f} and {rival:.3f}"
+        return Outlined(None, fits, rival, why)
+    return Outlined(first.camera, fits, rival)
+
+
+def _all_around(count: int) -> F64:
+    """Unit vectors F64[count, 3], evenly spread along a spiral."""
+    z = 1 - (2 * np.arange(count) + 1) / count
+    angle = np.arange(count) * np.pi * (3 - np.sqrt(5))
+    r = np.sqrt(1 - z**2)
+    return np.column_stack([r * np.cos(angle), r * np.sin(angle), z])
+
+
+def _facing(toward: F64) -> F64:
+    """A rotation whose z axis is ``toward``."""
+    up = np.eye(3)[int(np.argmin(np.abs(toward)))]
+    x = unit(np.cross(up, toward)[None])[0]
+    return np.column_stack([x, np.cross(toward, x), toward])
+
+
+def _alike(around: Silhouettes, picture: F64) -> list[tuple[float, int, int]]:
+    """Intersection over union, direction, and turn (in steps of the angle) of the best turns of each."""
+    spectrum = np.fft.rfft(picture, axis=1)
+    both = np.fft.irfft((around.spectrum.conj() * spectrum * RADIUS[:, None]).sum(axis=1), ANGLES, axis=1)
+    share = both / ((picture * WEIGHT).sum() + around.own[:, None] - both)
+    turn = share.argmax(axis=1)
+    # A slim silhouette is like itself upside down.
+    other = (turn + ANGLES // 2) % ANGLES
+    d = np.arange(len(share))
+    found = [(float(share[i, turn[i]]), int(i), int(turn[i])) for i in d]
+    return found + [(float(share[i, other[i]]), int(i), int(other[i])) for i in d]
+
+
+def _camera(lens: Camera, around: Silhouettes, d: int, shift: int, centre_px: F64, size_px: float) -> Camera:
+    """The camera that sees the mesh as direction ``d`` does, turned by ``shift``, about ``centre_px``."""
+    angle = shift / ANGLES * 2 * np.pi
+    # The picture is turned counter-clockwise, and so the camera clockwise about its axis.
+    turn = around.turn[d] @ Rotation.from_rotvec([0, 0, -angle]).as_matrix()
+    ray = replace(lens, world_from_camera=np.eye(4)).rays(centre_px[None])[0]
+    away = around.size[d] * np.sqrt(lens.fx * lens.fy) / size_px
+    # Looked at along the ray, not along the axis: the least rotation from the one to the other.
+    tilt, _ = Rotation.align_vectors([ray], [[0.0, 0.0, -1.0]])
+    rotation = turn @ tilt.as_matrix().T
+    pose = np.eye(4)
+    pose[:3, :3] = rotation
+    pose[:3, 3] = around.centre[d] - away / -ray[2] * (rotation @ ray) * abs(ray[2])
+    return replace(lens, world_from_camera=pose)
+
+
+def _distinct(scene: RayScene, cameras: Sequence[Camera], order: Sequence[int], count: int) -> list[int]:
+    kept: list[int] = []
+    for i in order:
+        if all(apart(cameras[i], cameras[j], scene.centre)[0] > DISTINCT for j in kept):
+            kept.append(int(i))
+        if len(kept) == count:
+            break
+    return kept
