@@ -155,7 +155,7 @@ def test_lifts_are_sure_only_away_from_rims() -> None:
     assert visible(blob(), camera, lift.x[lift.sure]).mean() > 0.999
 
 
-def test_half_of_the_wrong_sightings_do_not_stop_it() -> None:
+def test_wrong_sightings_do_not_stop_it() -> None:
     tracks = true_tracks(1500, 0.3, wrong=0.3)
     views = [replace(photograph(0), file=Path(f"{name}.png")) for name in truth()]
     grown = grow(blob(), views, {"p3": true_camera(3)}, tracks)

@@ -28,14 +28,17 @@ from swatchwork.capture import Camera
 from swatchwork.errors import InputError
 from swatchwork.prepare.registering.sighting import Sightings, first_points
 from swatchwork.prepare.registering.sliding import Extra, Problem, State
-from swatchwork.prepare.registering.tracks import Tracks
+from swatchwork.prepare.registering.tracks import Tracks, coarseness
 from swatchwork.prepare.registering.view import View
 from swatchwork.surface import RayScene
 
 ROBUST_PX = 1.5
-"""Where the loss turns from squares to logarithms."""
-OUTLIER_PX = 4.5
-"""A sighting farther than this from its point, three times the loss's turn, is an outlier."""
+"""Where the loss turns from squares to logarithms. Tolerances are of photographs of the size that features
+are sought in (`coarseness`)."""
+OUTLIER = 3.0
+"""A sighting farther than this many times the loss's turn from its point is an outlier."""
+NEAR_PX = 6.0
+"""How far off sightings are that count half where a track's first place is chosen."""
 STEPS = 100
 FALL = 1e-7
 """A relative fall of the objective below this is the end of it."""
@@ -58,7 +61,7 @@ class Bundle:
         history: the objective at the start and after each step kept.
         status: "converged", "iteration limit", or "no progress": none of the steps that the slope asks for
             made it better.
-        outliers: Bool[O], which of the tracks' sightings are farther than 4.5 px off; sightings that were not
+        outliers: Bool[O], which of the tracks' sightings are farther off than 4.5 px; sightings that were not
             used are none.
         used: Bool[O], which sightings had a part.
         deviation: of each frame's pose, F64[6] along the step of `moved` (radians, world units), as the
@@ -109,9 +112,10 @@ def refine(
         raise InputError(f"the scan's error is {scan_error:g}", expected="zero or more, in the mesh's units")
     names = list(cameras)
     seen = Sightings.of(tracks, names)
-    x, normal, sure = first_points(scene, list(cameras.values()), seen, robust_px)
+    x, normal, sure = first_points(scene, list(cameras.values()), seen, NEAR_PX)
     seen = seen.only(sure)
-    problem = Problem(scene, names, seen, tuple(extra_terms), scan_error, frozenset(held), robust_px)
+    coarse = np.array([coarseness(camera) for camera in cameras.values()])
+    problem = Problem(scene, names, seen, tuple(extra_terms), scan_error, frozenset(held), robust_px, coarse)
     start = State(list(cameras.values()), x[sure], normal[sure], np.zeros(int(sure.sum())))
     state, history, status = solved(problem, start, steps)
     again = relifted(problem, state)
@@ -123,10 +127,10 @@ def refine(
     points = np.full((tracks.count, 3), np.nan)
     points[seen.track_number] = state.x
     used, outliers = np.zeros((2, len(tracks.track)), dtype=bool)
-    used[seen.number], outliers[seen.number] = True, error_px > OUTLIER_PX
+    used[seen.number], outliers[seen.number] = True, error_px > OUTLIER * problem.turn_px
     rms_px = {}
     for name, rows in zip(names, seen.rows, strict=True):
-        good = error_px[rows][error_px[rows] <= OUTLIER_PX]
+        good = error_px[rows][~outliers[seen.number[rows]]]
         rms_px[name] = float(np.sqrt((good**2).mean())) if len(good) else float("nan")
     return Bundle(
         dict(zip(names, state.cameras, strict=True)),
@@ -142,7 +146,7 @@ def refine(
 
 def relifted(problem: Problem, state: State) -> State:
     """The state with points lifted anew by its poses, where that is better."""
-    x, normal, sure = first_points(problem.scene, state.cameras, problem.seen, problem.robust_px)
+    x, normal, sure = first_points(problem.scene, state.cameras, problem.seen, NEAR_PX)
     other = State(
         state.cameras, np.where(sure[:, None], x, state.on_mesh), normal, np.zeros(len(state.offset))
     )

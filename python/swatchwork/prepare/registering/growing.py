@@ -23,7 +23,7 @@ from swatchwork.prepare.registering.motion import apart
 from swatchwork.prepare.registering.resection import CHANCE, INLIER_PX, LEAST, Resection, resect
 from swatchwork.prepare.registering.sighting import Sightings, first_points
 from swatchwork.prepare.registering.sliding import Extra
-from swatchwork.prepare.registering.tracks import Tracks
+from swatchwork.prepare.registering.tracks import Tracks, coarseness
 from swatchwork.prepare.registering.view import View
 from swatchwork.progress import SILENT, Progress
 from swatchwork.surface import RayScene
@@ -35,7 +35,7 @@ BETWEEN = 12
 OFF_DEG, OFF_SHARE = 5.0, 0.1
 """A given pose that ends up farther than this from where it was given was not one of this photograph."""
 GRACE_PX = 6.0
-"""How far apart sightings of a point may be while poses are still rough."""
+"""How far sightings may be from their point while poses are still rough."""
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ def _counted(
     rows = np.flatnonzero((tracks.frame == frame) & finite(points)[tracks.track])
     rows = rows[size[tracks.track[rows]] > 1]
     error_px = _apart(camera, points[tracks.track[rows]], tracks.uv_px[rows])
-    good = error_px[error_px < INLIER_PX]
+    good = error_px[error_px < INLIER_PX * coarseness(camera)]
     rms_px = float(np.sqrt((good**2).mean())) if len(good) else float("nan")
     if given is None:
         return Placed("placed", len(rows), len(good), rms_px)
@@ -171,10 +171,10 @@ def surface_points_of(scene: RayScene, cameras: Mapping[str, Camera], tracks: Tr
     names = [name for name in tracks.names if name in cameras]
     seen = Sightings.of(tracks, names, least=1)
     of = [cameras[name] for name in names]
-    x, _, sure = first_points(scene, of, seen, GRACE_PX / 4)
+    x, _, sure = first_points(scene, of, seen, GRACE_PX)
     near = np.zeros(len(seen), dtype=bool)
     for f, rows in enumerate(seen.rows):
-        near[rows] = _apart(of[f], x[seen.track[rows]], seen.uv_px[rows]) < GRACE_PX
+        near[rows] = _apart(of[f], x[seen.track[rows]], seen.uv_px[rows]) < GRACE_PX * coarseness(of[f])
     size = np.bincount(seen.track, minlength=len(x))
     sure &= 2 * np.bincount(seen.track[near], minlength=len(x)) > size
     points = np.full((tracks.count, 3), np.nan)
