@@ -65,7 +65,7 @@ def corner() -> tuple[RayScene, dict[str, Camera], Tracks]:
         np.tile(np.arange(3, dtype=np.int32), 12),
         uv.reshape(-1, 2),
         rng.uniform(0.3, 0.6, 36),
-        dict.fromkeys(cameras, 12),
+        (),
         np.zeros((3, 3), np.int32),
     )
     return scene, cameras, tracks

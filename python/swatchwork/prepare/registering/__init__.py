@@ -6,6 +6,7 @@ from swatchwork.prepare.registering.aligning import Aligned, align_to_mesh
 from swatchwork.prepare.registering.bundle import Bundle, refine
 from swatchwork.prepare.registering.growing import Grown, Placed, grow
 from swatchwork.prepare.registering.motion import apart, moved, projected
+from swatchwork.prepare.registering.rematching import rematched
 from swatchwork.prepare.registering.resection import Resection, resect
 from swatchwork.prepare.registering.sliding import Extra
 from swatchwork.prepare.registering.structure import Structure, structure_from_motion
@@ -32,6 +33,7 @@ __all__ = [
     "moved",
     "projected",
     "refine",
+    "rematched",
     "resect",
     "structure_from_motion",
 ]

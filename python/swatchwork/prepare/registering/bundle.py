@@ -65,7 +65,7 @@ class Bundle:
             used are none.
         used: Bool[O], which sightings had a part.
         deviation: of each frame's pose, F64[6] along the step of `moved` (radians, world units), as the
-            residuals' standard deviations say; infinite where nothing holds it.
+            residuals say, points and the other poses being free; infinite where nothing holds it.
     """
 
     cameras: dict[str, Camera]
@@ -132,6 +132,10 @@ def refine(
     for name, rows in zip(names, seen.rows, strict=True):
         good = error_px[rows][~outliers[seen.number[rows]]]
         rms_px[name] = float(np.sqrt((good**2).mean())) if len(good) else float("nan")
+    # Residuals larger than stated (a scan's errors, features that follow highlights) make poses looser too.
+    free = 2 * len(seen) - 2 * len(seen.track_number) - 6 * len(names)
+    features_part = float(problem.losses_of_tracks(state).sum())
+    excess = np.sqrt(max(1.0, features_part / free)) if free > 0 else 1.0
     return Bundle(
         dict(zip(names, state.cameras, strict=True)),
         rms_px,
@@ -140,7 +144,7 @@ def refine(
         status,
         outliers,
         used,
-        dict(zip(names, problem.deviation(state), strict=True)),
+        dict(zip(names, excess * problem.deviation(state), strict=True)),
     )
 
 

@@ -3,8 +3,9 @@
 """From the poses of one or a few photographs to those of all that see the same surface.
 
 Features of placed photographs are lifted onto the mesh; the photograph that shares most of these points is
-placed by them (`resect`), everything is refined together (`refine`), and so on, until none can be placed. One
-that cannot is told with its numbers, and is never guessed.
+placed by them (`resect`), everything is refined together (`refine`), and so on, until none can be placed.
+Then matches have a turn that no essential matrix vouches for: the mesh may. A photograph that cannot be
+placed is told with its numbers, and is never guessed.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from swatchwork.errors import InputError
 from swatchwork.prepare.registering.bundle import refine
 from swatchwork.prepare.registering.lifting import finite
 from swatchwork.prepare.registering.motion import apart
+from swatchwork.prepare.registering.rematching import loose_points
 from swatchwork.prepare.registering.resection import CHANCE, INLIER_PX, LEAST, Resection, resect
 from swatchwork.prepare.registering.sighting import Sightings, first_points
 from swatchwork.prepare.registering.sliding import Extra
@@ -106,6 +108,8 @@ def grow(
         while True:
             points = surface_points_of(scene, cameras, tracks)
             found, refused = _next(scene, by_name, cameras, tracks, points)
+            if found is None:
+                found = _loose(scene, by_name, cameras, tracks, refused)
             if found is None:
                 break
             name, resection = found
@@ -208,12 +212,37 @@ def _next(
     return None, refused
 
 
+def _loose(
+    scene: RayScene,
+    views: Mapping[str, View],
+    cameras: Mapping[str, Camera],
+    tracks: Tracks,
+    refused: dict[str, tuple[int, str]],
+) -> tuple[str, Resection] | None:
+    """The frame that matches without an essential matrix place by most points, if any.
+
+    Where they come nearer to it than tracks, why they do not reach it is put into ``refused``.
+    """
+    found = []
+    for name in views:
+        if name not in cameras:
+            uv_px, x = loose_points(scene, cameras, tracks, name)
+            result = resect(scene, views[name], uv_px, x)
+            if result.camera is not None:
+                found.append((name, result))
+            elif len(x) >= LEAST > refused[name][0]:
+                refused[name] = (refused[name][0], result.why)
+    return max(found, key=lambda one: int(one[1].inlier.sum()), default=None)
+
+
 def _said(name: str, tracks: Tracks) -> str:
     """Where the points are lost: features, or matches."""
     if name not in tracks.names:
         return " (no features were sought in it)"
-    most = int(tracks.agreeing[tracks.names.index(name)].max(initial=0))
+    frame = tracks.names.index(name)
+    most = int(tracks.agreeing[frame].max(initial=0))
+    count = f"{len(tracks.features[frame])} " if tracks.features else ""
     return (
-        f" ({tracks.found[name]} features, at most {most} of them matched with another photograph); does it "
+        f" ({count}features, at most {most} of them matched with another photograph); does it "
         "show the same object, from near enough to another photograph?"
     )

@@ -74,7 +74,7 @@ class Tracks:
         count: T.
         track, frame: I32[O], of each sighting; a track has at most one in a photograph, and two or more.
         uv_px: F64[O, 2], pixel centres at +0.5; ``deviation_px`` F64[O], their standard deviations.
-        found: how many features each photograph has.
+        features: of each photograph; none, where tracks come from elsewhere.
         agreeing: I32[k, k], how many matches of two photographs share an essential matrix.
     """
 
@@ -84,7 +84,7 @@ class Tracks:
     frame: I32
     uv_px: F64
     deviation_px: F64
-    found: dict[str, int]
+    features: tuple[Features, ...]
     agreeing: I32
 
     def __len__(self) -> int:
@@ -258,6 +258,6 @@ def joined(
         of_frame[node].astype(np.int32),
         uv_px[node],
         deviation_px[node],
-        {name: len(f) for name, f in zip(names, found, strict=True)},
+        tuple(found),
         count,
     )
