@@ -40,8 +40,8 @@ OUTLIER = 3.0
 NEAR_PX = 6.0
 """How far off sightings are that count half where a track's first place is chosen."""
 STEPS = 100
-FALL = 1e-7
-"""A relative fall of the objective below this is the end of it."""
+FALL = 0.01
+"""A fall of the objective below this is the end of it: a tenth of a standard deviation of any pose."""
 STILL_PX = 0.05
 """Where no step goes down, the bottom is reached if none would have moved images by more than this: a
 triangle's edge under a point is a kink in the objective."""
@@ -119,7 +119,7 @@ def refine(
     start = State(list(cameras.values()), x[sure], normal[sure], np.zeros(int(sure.sum())))
     state, history, status = solved(problem, start, steps)
     again = relifted(problem, state)
-    if status == "converged" and problem.objective(again) < (1 - FALL) * history[-1]:
+    if status == "converged" and problem.objective(again) < history[-1] - FALL:
         state, more, status = solved(problem, again, steps)
         history += more
 
@@ -180,6 +180,6 @@ def solved(problem: Problem, state: State, steps: int) -> tuple[State, list[floa
             damping *= 8
         state, damping = trial, max(damping / 5, 1e-9)
         history.append(value)
-        if history[-2] - value < FALL * history[-2]:
+        if history[-2] - value < FALL:
             return state, history, "converged"
     return state, history, "iteration limit" if problem.names else "converged"
