@@ -139,7 +139,7 @@ def true_tracks(count: int, noise_px: float, seed: int = 0, wrong: float = 0.0, 
         frame[keep][order].astype(np.int32),
         uv[keep][order],
         np.full(len(order), max(noise_px, 0.1)),
-        dict.fromkeys(names, count),
+        (),
         np.zeros((len(names), len(names)), np.int32),
     )
 

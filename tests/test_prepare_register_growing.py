@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from swatchwork.errors import InputError
-from swatchwork.prepare.registering import Tracks, View, apart, find_tracks, grow, refine, resect
+from swatchwork.prepare.registering import Tracks, View, apart, find_tracks, grow, refine, rematched, resect
 from swatchwork.prepare.registering.lifting import lifted, visible
 from swatchwork.surface import points_in_sight, surface_points
 from synthetic_photographs import (
@@ -54,11 +54,9 @@ def test_all_are_placed_from_the_first_and_strangers_are_told(all_views: list[Vi
     for name in ("foreign", "plain"):
         told = grown.frames[name]
         assert told.status == "cannot be placed" and told.shared == 0
-        assert (
-            f"shares 0 points with placed photographs; 12 are needed ({tracks.found[name]} features"
-            in told.why
-        )
-        assert "at most 0 of them matched with another photograph" in told.why
+        count = len(tracks.features[tracks.names.index(name)])
+        assert "placed photographs" in told.why
+        assert f"({count} features, at most 0 of them matched with another photograph)" in told.why
     found = refine(blob(), all_views, grown.cameras, tracks)
     angle, away = worst(found.cameras)
     assert found.status == "converged" and angle < ANGLE_DEG and away < AWAY
@@ -155,13 +153,41 @@ def test_lifts_are_sure_only_away_from_rims() -> None:
     assert visible(blob(), camera, lift.x[lift.sure]).mean() > 0.999
 
 
-def test_half_of_the_wrong_sightings_do_not_stop_it() -> None:
+def test_wrong_sightings_do_not_stop_it() -> None:
     tracks = true_tracks(1500, 0.3, wrong=0.3)
     views = [replace(photograph(0), file=Path(f"{name}.png")) for name in truth()]
     grown = grow(blob(), views, {"p3": true_camera(3)}, tracks)
     assert set(grown.cameras) == set(truth()) and worst(grown.cameras)[0] < 0.5
     found = refine(blob(), views, grown.cameras, tracks)
     assert worst(found.cameras)[0] < 0.15
+
+
+def test_the_mesh_vouches_for_matches_that_pictures_alone_do_not(
+    all_views: list[View], tracks: Tracks
+) -> None:
+    """Photograph 5 without any of its tracks is placed by what looks alike; the mesh finds its matches."""
+    keep = tracks.frame != 5
+    without = replace(
+        tracks,
+        track=tracks.track[keep],
+        frame=tracks.frame[keep],
+        uv_px=tracks.uv_px[keep],
+        deviation_px=tracks.deviation_px[keep],
+    )
+    grown = grow(blob(), all_views[:8], {"p4": true_camera(4)}, without)
+    assert set(grown.cameras) == set(truth())
+    assert apart(true_camera(5), grown.cameras["p5"], np.zeros(3))[0] < 0.5
+    again = rematched(blob(), grown.cameras, without)
+    # All that pictures alone have, photograph 5's too, and half as many again.
+    assert len(again.track) > 1.5 * len(tracks.track) and (again.frame == 5).sum() > 300
+    assert not (again.frame >= 8).any()
+    found = refine(blob(), all_views, grown.cameras, again)
+    angle, away = worst(found.cameras)
+    # Weak features that follow highlights are among them.
+    assert angle < 0.15 and away < 0.0025
+    assert found.outliers.mean() < 0.02
+    bare = replace(tracks, features=())
+    assert rematched(blob(), grown.cameras, bare) is bare
 
 
 def test_what_is_wrong_is_said(all_views: list[View], tracks: Tracks) -> None:

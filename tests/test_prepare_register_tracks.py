@@ -139,3 +139,17 @@ def test_a_contradiction_splits_a_track() -> None:
 def test_no_links_are_no_tracks(count: int) -> None:
     tracks = joined(("a",) * count, [some(4)] * count, [])
     assert len(tracks) == 0 and tracks.uv_px.shape == (0, 2)
+
+
+def test_a_large_photograph_is_searched_at_a_smaller_size() -> None:
+    v, u = np.mgrid[:2700, :3600] + 0.5
+    centres = np.array([[700.3, 900.8], [2500.0, 1200.5]])
+    gray = np.full((2700, 3600), 60.0)
+    for x, y in centres:
+        gray += 150 * np.exp(-((u - x) ** 2 + (v - y) ** 2) / (2 * 9.0**2))
+    found = features(View(Path("a.png"), lens(6.0), (gray + 0.5).astype(np.uint8)))
+    for centre in centres:
+        away = np.linalg.norm(found.uv_px - centre, axis=1)
+        # Half as large: a few hundredths of its pixel.
+        assert away.min() < 0.1
+        assert found.deviation_px[away.argmin()] > 0.3

@@ -6,9 +6,11 @@ from swatchwork.prepare.registering.bundle import Bundle, refine
 from swatchwork.prepare.registering.growing import Grown, Placed, grow
 from swatchwork.prepare.registering.motion import apart, moved, projected
 from swatchwork.prepare.registering.onto_mesh import Aligned, align_to_mesh
+from swatchwork.prepare.registering.outlining import Outlined, pose_from_outline, silhouettes_around
 from swatchwork.prepare.registering.pairs import Pairs, read_pairs, write_pairs
 from swatchwork.prepare.registering.posing import Posed, default_tolerance_px, pose_from_pairs
 from swatchwork.prepare.registering.register import Clues, FrameFit, Others, Registered, register
+from swatchwork.prepare.registering.rematching import rematched
 from swatchwork.prepare.registering.resection import Resection, resect
 from swatchwork.prepare.registering.sliding import Extra
 from swatchwork.prepare.registering.structure import Structure, structure_from_motion
@@ -24,6 +26,7 @@ __all__ = [
     "FrameFit",
     "Grown",
     "Others",
+    "Outlined",
     "Pairs",
     "Placed",
     "Posed",
@@ -40,12 +43,15 @@ __all__ = [
     "grow",
     "matches",
     "moved",
+    "pose_from_outline",
     "pose_from_pairs",
     "projected",
     "read_pairs",
     "refine",
     "register",
+    "rematched",
     "resect",
+    "silhouettes_around",
     "structure_from_motion",
     "write_pairs",
 ]

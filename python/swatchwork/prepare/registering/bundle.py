@@ -28,17 +28,20 @@ from swatchwork.capture import Camera
 from swatchwork.errors import InputError
 from swatchwork.prepare.registering.sighting import Sightings, first_points
 from swatchwork.prepare.registering.sliding import Extra, Problem, State
-from swatchwork.prepare.registering.tracks import Tracks
+from swatchwork.prepare.registering.tracks import Tracks, coarseness
 from swatchwork.prepare.registering.view import View
 from swatchwork.surface import RayScene
 
 ROBUST_PX = 1.5
-"""Where the loss turns from squares to logarithms."""
-OUTLIER_PX = 4.5
-"""A sighting farther than this from its point, three times the loss's turn, is an outlier."""
+"""Where the loss turns from squares to logarithms. Tolerances are of photographs of the size that features
+are sought in (`coarseness`)."""
+OUTLIER = 3.0
+"""A sighting farther than this many times the loss's turn from its point is an outlier."""
+NEAR_PX = 6.0
+"""How far off sightings are that count half where a track's first place is chosen."""
 STEPS = 100
-FALL = 1e-7
-"""A relative fall of the objective below this is the end of it."""
+FALL = 0.01
+"""A fall of the objective below this is the end of it: a tenth of a standard deviation of any pose."""
 STILL_PX = 0.05
 """Where no step goes down, the bottom is reached if none would have moved images by more than this: a
 triangle's edge under a point is a kink in the objective."""
@@ -58,11 +61,11 @@ class Bundle:
         history: the objective at the start and after each step kept.
         status: "converged", "iteration limit", or "no progress": none of the steps that the slope asks for
             made it better.
-        outliers: Bool[O], which of the tracks' sightings are farther than 4.5 px off; sightings that were not
+        outliers: Bool[O], which of the tracks' sightings are farther off than 4.5 px; sightings that were not
             used are none.
         used: Bool[O], which sightings had a part.
         deviation: of each frame's pose, F64[6] along the step of `moved` (radians, world units), as the
-            residuals' standard deviations say; infinite where nothing holds it.
+            residuals say, points and the other poses being free; infinite where nothing holds it.
     """
 
     cameras: dict[str, Camera]
@@ -109,13 +112,14 @@ def refine(
         raise InputError(f"the scan's error is {scan_error:g}", expected="zero or more, in the mesh's units")
     names = list(cameras)
     seen = Sightings.of(tracks, names)
-    x, normal, sure = first_points(scene, list(cameras.values()), seen, robust_px)
+    x, normal, sure = first_points(scene, list(cameras.values()), seen, NEAR_PX)
     seen = seen.only(sure)
-    problem = Problem(scene, names, seen, tuple(extra_terms), scan_error, frozenset(held), robust_px)
+    coarse = np.array([coarseness(camera) for camera in cameras.values()])
+    problem = Problem(scene, names, seen, tuple(extra_terms), scan_error, frozenset(held), robust_px, coarse)
     start = State(list(cameras.values()), x[sure], normal[sure], np.zeros(int(sure.sum())))
     state, history, status = solved(problem, start, steps)
     again = relifted(problem, state)
-    if status == "converged" and problem.objective(again) < (1 - FALL) * history[-1]:
+    if status == "converged" and problem.objective(again) < history[-1] - FALL:
         state, more, status = solved(problem, again, steps)
         history += more
 
@@ -123,11 +127,15 @@ def refine(
     points = np.full((tracks.count, 3), np.nan)
     points[seen.track_number] = state.x
     used, outliers = np.zeros((2, len(tracks.track)), dtype=bool)
-    used[seen.number], outliers[seen.number] = True, error_px > OUTLIER_PX
+    used[seen.number], outliers[seen.number] = True, error_px > OUTLIER * problem.turn_px
     rms_px = {}
     for name, rows in zip(names, seen.rows, strict=True):
-        good = error_px[rows][error_px[rows] <= OUTLIER_PX]
+        good = error_px[rows][~outliers[seen.number[rows]]]
         rms_px[name] = float(np.sqrt((good**2).mean())) if len(good) else float("nan")
+    # Residuals larger than stated (a scan's errors, features that follow highlights) make poses looser too.
+    free = 2 * len(seen) - 2 * len(seen.track_number) - 6 * len(names)
+    features_part = float(problem.losses_of_tracks(state).sum())
+    excess = np.sqrt(max(1.0, features_part / free)) if free > 0 else 1.0
     return Bundle(
         dict(zip(names, state.cameras, strict=True)),
         rms_px,
@@ -136,13 +144,13 @@ def refine(
         status,
         outliers,
         used,
-        dict(zip(names, problem.deviation(state), strict=True)),
+        dict(zip(names, excess * problem.deviation(state), strict=True)),
     )
 
 
 def relifted(problem: Problem, state: State) -> State:
     """The state with points lifted anew by its poses, where that is better."""
-    x, normal, sure = first_points(problem.scene, state.cameras, problem.seen, problem.robust_px)
+    x, normal, sure = first_points(problem.scene, state.cameras, problem.seen, NEAR_PX)
     other = State(
         state.cameras, np.where(sure[:, None], x, state.on_mesh), normal, np.zeros(len(state.offset))
     )
@@ -172,6 +180,6 @@ def solved(problem: Problem, state: State, steps: int) -> tuple[State, list[floa
             damping *= 8
         state, damping = trial, max(damping / 5, 1e-9)
         history.append(value)
-        if history[-2] - value < FALL * history[-2]:
+        if history[-2] - value < FALL:
             return state, history, "converged"
     return state, history, "iteration limit" if problem.names else "converged"

@@ -3,8 +3,9 @@
 """From the poses of one or a few photographs to those of all that see the same surface.
 
 Features of placed photographs are lifted onto the mesh; the photograph that shares most of these points is
-placed by them (`resect`), everything is refined together (`refine`), and so on, until none can be placed. One
-that cannot is told with its numbers, and is never guessed.
+placed by them (`resect`), everything is refined together (`refine`), and so on, until none can be placed.
+Then matches have a turn that no essential matrix vouches for: the mesh may. A photograph that cannot be
+placed is told with its numbers, and is never guessed.
 """
 
 from __future__ import annotations
@@ -20,10 +21,11 @@ from swatchwork.errors import InputError
 from swatchwork.prepare.registering.bundle import refine
 from swatchwork.prepare.registering.lifting import finite
 from swatchwork.prepare.registering.motion import apart
+from swatchwork.prepare.registering.rematching import loose_points
 from swatchwork.prepare.registering.resection import CHANCE, INLIER_PX, LEAST, Resection, resect
 from swatchwork.prepare.registering.sighting import Sightings, first_points
 from swatchwork.prepare.registering.sliding import Extra
-from swatchwork.prepare.registering.tracks import Tracks
+from swatchwork.prepare.registering.tracks import Tracks, coarseness
 from swatchwork.prepare.registering.view import View
 from swatchwork.progress import SILENT, Progress
 from swatchwork.surface import RayScene
@@ -35,7 +37,7 @@ BETWEEN = 12
 OFF_DEG, OFF_SHARE = 5.0, 0.1
 """A given pose that ends up farther than this from where it was given was not one of this photograph."""
 GRACE_PX = 6.0
-"""How far apart sightings of a point may be while poses are still rough."""
+"""How far sightings may be from their point while poses are still rough."""
 
 
 @dataclass(frozen=True)
@@ -107,6 +109,8 @@ def grow(
             points = surface_points_of(scene, cameras, tracks)
             found, refused = _next(scene, by_name, cameras, tracks, points)
             if found is None:
+                found = _loose(scene, by_name, cameras, tracks, refused)
+            if found is None:
                 break
             name, resection = found
             task.describe(name)
@@ -143,7 +147,7 @@ def _counted(
     rows = np.flatnonzero((tracks.frame == frame) & finite(points)[tracks.track])
     rows = rows[size[tracks.track[rows]] > 1]
     error_px = _apart(camera, points[tracks.track[rows]], tracks.uv_px[rows])
-    good = error_px[error_px < INLIER_PX]
+    good = error_px[error_px < INLIER_PX * coarseness(camera)]
     rms_px = float(np.sqrt((good**2).mean())) if len(good) else float("nan")
     if given is None:
         return Placed("placed", len(rows), len(good), rms_px)
@@ -171,10 +175,10 @@ def surface_points_of(scene: RayScene, cameras: Mapping[str, Camera], tracks: Tr
     names = [name for name in tracks.names if name in cameras]
     seen = Sightings.of(tracks, names, least=1)
     of = [cameras[name] for name in names]
-    x, _, sure = first_points(scene, of, seen, GRACE_PX / 4)
+    x, _, sure = first_points(scene, of, seen, GRACE_PX)
     near = np.zeros(len(seen), dtype=bool)
     for f, rows in enumerate(seen.rows):
-        near[rows] = _apart(of[f], x[seen.track[rows]], seen.uv_px[rows]) < GRACE_PX
+        near[rows] = _apart(of[f], x[seen.track[rows]], seen.uv_px[rows]) < GRACE_PX * coarseness(of[f])
     size = np.bincount(seen.track, minlength=len(x))
     sure &= 2 * np.bincount(seen.track[near], minlength=len(x)) > size
     points = np.full((tracks.count, 3), np.nan)
@@ -208,12 +212,37 @@ def _next(
     return None, refused
 
 
+def _loose(
+    scene: RayScene,
+    views: Mapping[str, View],
+    cameras: Mapping[str, Camera],
+    tracks: Tracks,
+    refused: dict[str, tuple[int, str]],
+) -> tuple[str, Resection] | None:
+    """The frame that matches without an essential matrix place by most points, if any.
+
+    Where they come nearer to it than tracks, why they do not reach it is put into ``refused``.
+    """
+    found = []
+    for name in views:
+        if name not in cameras:
+            uv_px, x = loose_points(scene, cameras, tracks, name)
+            result = resect(scene, views[name], uv_px, x)
+            if result.camera is not None:
+                found.append((name, result))
+            elif len(x) >= LEAST > refused[name][0]:
+                refused[name] = (refused[name][0], result.why)
+    return max(found, key=lambda one: int(one[1].inlier.sum()), default=None)
+
+
 def _said(name: str, tracks: Tracks) -> str:
     """Where the points are lost: features, or matches."""
     if name not in tracks.names:
         return " (no features were sought in it)"
-    most = int(tracks.agreeing[tracks.names.index(name)].max(initial=0))
+    frame = tracks.names.index(name)
+    most = int(tracks.agreeing[frame].max(initial=0))
+    count = f"{len(tracks.features[frame])} " if tracks.features else ""
     return (
-        f" ({tracks.found[name]} features, at most {most} of them matched with another photograph); does it "
+        f" ({count}features, at most {most} of them matched with another photograph); does it "
         "show the same object, from near enough to another photograph?"
     )

@@ -16,11 +16,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from swatchwork.arrays import F64, Bool, norm, unit
+from swatchwork.arrays import F64, Bool, unit
 from swatchwork.capture import Camera
 from swatchwork.prepare.registering.contours import BORDER_PX, without_specks
 from swatchwork.prepare.registering.motion import apart
-from swatchwork.prepare.registering.refining import Refined, iou, refine_by_contours
+from swatchwork.prepare.registering.refining import iou, refine_by_contours
 from swatchwork.prepare.registering.view import View
 from swatchwork.surface import RayScene
 
@@ -106,7 +106,9 @@ def polar(inside: Bool, centre: F64, size: float) -> F64:
     column, row = np.floor(x).astype(int), np.floor(y).astype(int)
     height, width = inside.shape
     there = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-    return np.where(there, inside[row.clip(0, height - 1), column.clip(0, width - 1)], False).astype(np.float64)
+    return np.where(there, inside[row.clip(0, height - 1), column.clip(0, width - 1)], False).astype(
+        np.float64
+    )
 
 
 def pose_from_outline(scene: RayScene, view: View, around: Silhouettes) -> Outlined:
@@ -132,10 +134,14 @@ def pose_from_outline(scene: RayScene, view: View, around: Silhouettes) -> Outli
     rival = max((f.iou or 0.0 for f in others), default=0.0)
     fits = first.iou or 0.0
     if fits < FITS:
-        why = f"no pose makes its silhouette the mesh's: the best has an intersection over union of {fits:.3f}"
+        why = (
+            f"no pose makes its silhouette the mesh's: the best has an intersection over union of {fits:.3f}"
+        )
         return Outlined(None, fits, rival, why)
     if 1 - fits > CLEAR * (1 - rival):
-        why = f"its silhouette fits several poses, with intersections over union of {fits:.3f} and {rival:.3f}"
+        why = (
+            f"its silhouette fits several poses, with intersections over union of {fits:.3f} and {rival:.3f}"
+        )
         return Outlined(None, fits, rival, why)
     return Outlined(first.camera, fits, rival)
 

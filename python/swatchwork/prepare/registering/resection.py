@@ -13,17 +13,18 @@ from swatchwork.arrays import F64, Bool, norm
 from swatchwork.capture import Camera
 from swatchwork.prepare.registering.lifting import finite, visible
 from swatchwork.prepare.registering.motion import moved, projected
-from swatchwork.prepare.registering.tracks import flat
+from swatchwork.prepare.registering.tracks import coarseness, flat
 from swatchwork.prepare.registering.view import View
 from swatchwork.surface import RayScene
 
 LEAST = 12
 """Fewer points than this that agree on a pose are no pose."""
 CHANCE = 0.15
-"""Of matches at random, fewer than this share fall within `SEARCH_PX` of a pose made to fit them: nor is one
-that fewer agree on."""
+"""Nor is one that fewer than this share agree on: `ROUNDS` samples of three may not have found the best, and
+a few right points in one place can agree with wrong ones elsewhere. Of points at random 6 agreed at most, in
+ten trials each of 20 to 800."""
 SEARCH_PX = 8.0
-"""Of the search: points come from frames that are not refined yet."""
+"""Of the search, in pixels that features are sought in: points come from frames that are not refined yet."""
 INLIER_PX = 4.0
 """Of the refined pose."""
 HIDDEN = 0.3
@@ -66,7 +67,7 @@ def resect(scene: RayScene, view: View, uv_px: F64, x: F64) -> Resection:
     if camera is None:
         return refused(f"{len(x)} points shared with placed photographs agree on no pose")
     camera, error_px = _fitted(camera, uv_px, x)
-    inlier = error_px < INLIER_PX
+    inlier = error_px < INLIER_PX * coarseness(camera)
     count, needed = int(inlier.sum()), max(LEAST, int(np.ceil(CHANCE * len(x))))
     if count < needed:
         return refused(
@@ -82,7 +83,7 @@ def resect(scene: RayScene, view: View, uv_px: F64, x: F64) -> Resection:
         )
     inlier[np.flatnonzero(inlier)[~seen]] = False
     rms = float(np.sqrt((error_px[inlier] ** 2).mean()))
-    loose_deg, loose_share = looseness(camera, x[inlier], max(rms, 0.5), scene.centre)
+    loose_deg, loose_share = looseness(camera, x[inlier], max(rms, 0.5 * coarseness(camera)), scene.centre)
     if int(inlier.sum()) < LEAST or loose_deg > LOOSE_DEG or loose_share > LOOSE_SHARE:
         return refused(
             f"the {int(inlier.sum())} points that agree on a pose leave it loose by {loose_deg:.1f} degrees "
@@ -105,7 +106,7 @@ def _searched(view: View, uv_px: F64, x: F64) -> Camera | None:
             np.eye(3),
             None,
             iterationsCount=ROUNDS,
-            reprojectionError=SEARCH_PX / np.sqrt(lens.fx * lens.fy),
+            reprojectionError=SEARCH_PX * coarseness(lens) / np.sqrt(lens.fx * lens.fy),
             confidence=0.9999,
             flags=cv2.SOLVEPNP_AP3P,
         )
@@ -128,7 +129,7 @@ def _fitted(camera: Camera, uv_px: F64, x: F64) -> tuple[Camera, F64]:
         error = at.project(x)[0] - uv_px
         return np.where(np.isfinite(error), error, 1e3)
 
-    for scale in (SEARCH_PX / 2, INLIER_PX / 2):
+    for scale in coarseness(camera) * np.array([SEARCH_PX / 2, INLIER_PX / 2]):
         best = errors(camera)
         value, damping = np.log1p((best**2).sum(axis=1) / scale**2).sum(), 1e-4
         for _ in range(STEPS):

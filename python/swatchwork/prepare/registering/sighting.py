@@ -13,7 +13,7 @@ import numpy as np
 from swatchwork.arrays import F64, I64, Bool, unit
 from swatchwork.capture import Camera
 from swatchwork.prepare.registering.lifting import finite, lifted
-from swatchwork.prepare.registering.tracks import Tracks
+from swatchwork.prepare.registering.tracks import Tracks, coarseness
 from swatchwork.surface import RayScene
 
 
@@ -80,9 +80,12 @@ class Sightings:
 
 
 def first_points(
-    scene: RayScene, cameras: Sequence[Camera], seen: Sightings, robust_px: float
+    scene: RayScene, cameras: Sequence[Camera], seen: Sightings, near_px: float
 ) -> tuple[F64, F64, Bool]:
     """Where each track meets the mesh: of the lifts of its sightings, the one that agrees with most others.
+
+    Args:
+        near_px: how far off a sighting is that counts half.
 
     Returns:
         points F64[T, 3] and unit normals F64[T, 3] (towards the camera), and Bool[T], whether there is one:
@@ -101,9 +104,9 @@ def first_points(
     for f in range(seen.frames):
         at = np.flatnonzero(seen.frame[other] == f)
         error = cameras[f].project(x[one[at]])[0] - seen.uv_px[other[at]]
-        squares[at] = np.where(finite(error), (error**2).sum(axis=1), np.inf)
+        squares[at] = np.where(finite(error), (error**2).sum(axis=1), np.inf) / coarseness(cameras[f]) ** 2
     # A wide Lorentzian: agreement counts, and small distances beat large ones even where all are large.
-    np.add.at(worth, one, 1 / (1 + squares / (4 * robust_px) ** 2))
+    np.add.at(worth, one, 1 / (1 + squares / near_px**2))
     worth = np.where(sure, worth + 1e-9, -1.0)
     order = np.lexsort((worth, seen.track))
     last = np.flatnonzero(np.diff(np.append(seen.track[order], count)))

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import LinAlgError, solve
@@ -72,7 +73,7 @@ class System:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What is minimised (see `bundle`): sightings of tracks in frames ``names``, and options."""
+    """What is minimised (see `bundle`): sightings in frames ``names``, of `coarseness` [k]; and options."""
 
     scene: RayScene
     names: list[str]
@@ -81,6 +82,12 @@ class Problem:
     scan_error: float
     held: frozenset[str]
     robust_px: float
+    coarse: F64
+
+    @cached_property
+    def turn_px(self) -> F64:
+        """Where each sighting's loss turns, F64[O]."""
+        return self.robust_px * self.coarse[self.seen.frame]
 
     def errors(self, state: State) -> F64:
         """Residuals F64[O, 2] of the sightings in pixels."""
@@ -99,7 +106,7 @@ class Problem:
 
     def losses(self, state: State) -> F64:
         """Each sighting's part of the objective, F64[O]."""
-        turn = self.robust_px**2
+        turn = self.turn_px**2
         squares = (self.errors(state) ** 2).sum(axis=1)
         return np.asarray(turn * np.log1p(squares / turn) / self.seen.deviation_px**2)
 
@@ -127,7 +134,7 @@ class Problem:
             by_point[rows] = np.where(fine[:, None, None], by_x, 0) @ axes[at]
             if self.names[f] not in self.held:
                 by_pose[rows] = np.where(fine[:, None, None], by_step, 0)
-        weight = 1 / (1 + (error**2).sum(axis=1) / self.robust_px**2) / seen.deviation_px**2
+        weight = 1 / (1 + (error**2).sum(axis=1) / self.turn_px**2) / seen.deviation_px**2
         weighted = by_pose * weight[:, None, None]
         pose, slope = np.zeros((k, 6, 6)), np.zeros((k, 6))
         for f, rows in enumerate(seen.rows):

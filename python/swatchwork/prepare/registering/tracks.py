@@ -17,9 +17,13 @@ import cv2
 import numpy as np
 
 from swatchwork.arrays import F32, F64, I32, I64, U8, Bool
+from swatchwork.capture import Camera
 from swatchwork.prepare.registering.view import View
 from swatchwork.progress import SILENT, Progress
 
+LONGEST_PX = 2400
+"""Features are sought in photographs made this small: SIFT takes a gigabyte for one. Tolerances in pixels
+are of such a photograph (`coarseness`)."""
 LIMIT = 4000
 """Features kept a photograph, those of the strongest contrast."""
 CONTRAST = 0.01
@@ -70,7 +74,7 @@ class Tracks:
         count: T.
         track, frame: I32[O], of each sighting; a track has at most one in a photograph, and two or more.
         uv_px: F64[O, 2], pixel centres at +0.5; ``deviation_px`` F64[O], their standard deviations.
-        found: how many features each photograph has.
+        features: of each photograph; none, where tracks come from elsewhere.
         agreeing: I32[k, k], how many matches of two photographs share an essential matrix.
     """
 
@@ -80,7 +84,7 @@ class Tracks:
     frame: I32
     uv_px: F64
     deviation_px: F64
-    found: dict[str, int]
+    features: tuple[Features, ...]
     agreeing: I32
 
     def __len__(self) -> int:
@@ -89,27 +93,44 @@ class Tracks:
 
 def features(view: View, limit: int = LIMIT) -> Features:
     """SIFT features of a photograph inside its region (everywhere, where it has none)."""
-    mask = None
+    coarse = coarseness(view.lens)
+    gray, mask = view.gray, None
     if view.region is not None:
         disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * EDGE_PX + 1,) * 2)
-        mask = cv2.erode(view.region.astype(np.uint8) * 255, disc, borderValue=0)
+        mask = _smaller(view.region.astype(np.uint8) * 255, coarse)
+        mask = cv2.erode((mask > 127).astype(np.uint8), disc, borderValue=0)
+    gray = _smaller(gray, coarse)
     # Upscaling that maps pixel x to 2 x: OpenCV's other way puts features a quarter of a pixel off.
     # OpenCV 5's own annotations lack it.
     make: Any = vars(cv2)["SIFT_create"]
     sift = make(nfeatures=limit, contrastThreshold=CONTRAST, enable_precise_upscale=True)
-    points, raw = sift.detectAndCompute(_brightened(view.gray, mask), mask)
+    points, raw = sift.detectAndCompute(_brightened(gray, mask), mask)
     if raw is None or not len(points):
         return Features(np.zeros((0, 2)), np.zeros(0), np.zeros((0, 128), np.float32), np.zeros(0, np.int32))
-    uv_px = np.array([point.pt for point in points]) + 0.5
+    # Sides are rounded to whole pixels, each by itself.
+    scale = np.array([view.gray.shape[1] / gray.shape[1], view.gray.shape[0] / gray.shape[0]])
+    uv_px = (np.array([point.pt for point in points]) + 0.5) * scale
     places, first, place = np.unique(uv_px, axis=0, return_index=True, return_inverse=True)
-    size_px = np.array([points[i].size for i in first])
+    deviation_px = np.hypot(DEVIATION_PX, DEVIATION * np.array([points[i].size for i in first])) * coarse
     descriptor = raw / np.maximum(raw.sum(axis=1, keepdims=True), 1e-9)
     return Features(
         places,
-        np.hypot(DEVIATION_PX, DEVIATION * size_px),
+        deviation_px,
         np.sqrt(descriptor, dtype=np.float32),
         place.ravel().astype(np.int32),
     )
+
+
+def coarseness(lens: Camera) -> float:
+    """Pixels of a photograph in one of those that its features are sought in; 1 up to `LONGEST_PX`."""
+    return max(1.0, max(lens.width, lens.height) / LONGEST_PX)
+
+
+def _smaller(image: U8, coarse: float) -> U8:
+    if coarse == 1.0:
+        return image
+    size = (round(image.shape[1] / coarse), round(image.shape[0] / coarse))
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
 def _brightened(gray: U8, mask: U8 | None) -> U8:
@@ -150,10 +171,16 @@ def agreeing(view_a: View, view_b: View, uv_a_px: F64, uv_b_px: F64, error_px: f
     if len(uv_a_px) < AGREEING:
         return none
     a, b = flat(view_a, uv_a_px), flat(view_b, uv_b_px)
-    focal = (view_a.lens.fx + view_a.lens.fy + view_b.lens.fx + view_b.lens.fy) / 4
+    focal = np.mean([(v.lens.fx + v.lens.fy) / 2 / coarseness(v.lens) for v in (view_a, view_b)])
     inlier: Any
     _, inlier = cv2.findEssentialMat(
-        a, b, np.eye(3), method=cv2.USAC_ACCURATE, prob=0.9999, threshold=error_px / focal, maxIters=10000
+        a,
+        b,
+        np.eye(3),
+        method=cv2.USAC_ACCURATE,
+        prob=0.9999,
+        threshold=float(error_px / focal),
+        maxIters=10000,
     )
     if inlier is None or int(inlier.sum()) < AGREEING + CHANCE * len(a):
         return none
@@ -231,6 +258,6 @@ def joined(
         of_frame[node].astype(np.int32),
         uv_px[node],
         deviation_px[node],
-        {name: len(f) for name, f in zip(names, found, strict=True)},
+        tuple(found),
         count,
     )
