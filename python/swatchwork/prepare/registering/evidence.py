@@ -17,8 +17,8 @@ from swatchwork.prepare.registering.sliding import Extra
 from swatchwork.prepare.registering.view import View
 from swatchwork.surface import RayScene
 
-CONTOUR_PX = 1.0
-"""Standard deviation of a mask's border: of masks made by hand or by a threshold, not of perfect ones."""
+CONTOUR_PX = 0.3
+"""Standard deviation of a mask's border at least; more, where it lies farther from the mesh's."""
 CONTOUR_COUNT = 30.0
 """Independent measurements that a silhouette is worth: a mask errs alike over long stretches."""
 BIAS_PX = 1.0
@@ -70,8 +70,9 @@ def _silhouette(scene: RayScene, view: View, camera: Camera) -> tuple[F64, F64]:
     weight, residual, by_step = terms.weight[chosen], terms.residual_px[chosen], terms.by_step[chosen]
     # White noise and a common bias: the mean has the larger variance of the two together.
     worth = min(CONTOUR_COUNT, float(weight.sum()))
-    dulled = 1 - 1 / np.sqrt(1 + worth * (BIAS_PX / CONTOUR_PX) ** 2)
+    sigma = max(CONTOUR_PX, terms.rms_px)
+    dulled = 1 - 1 / np.sqrt(1 + worth * (BIAS_PX / sigma) ** 2)
     residual = residual - dulled * np.average(residual, weights=weight)
     by_step = by_step - dulled * np.average(by_step, axis=0, weights=weight)
-    scale = np.sqrt(weight * worth / weight.sum()) / CONTOUR_PX
+    scale = np.sqrt(weight * worth / weight.sum()) / sigma
     return scale * residual, scale[:, None] * by_step

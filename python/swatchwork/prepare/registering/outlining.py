@@ -4,8 +4,8 @@
 
 The mesh's silhouettes from all around are compared with the photograph's, each about its centre, at its own
 size, and at every turn in the image at once (a circular correlation of polar pictures). The most alike are
-refined by contours. A silhouette cannot tell some poses apart, those of symmetric objects above all: a pose is
-surely found only where it fits well and the next best does not.
+refined by contours. A silhouette cannot tell some poses apart, those of symmetric objects above all: a pose
+is believed only where it fits well and the next best does not.
 """
 
 from __future__ import annotations
@@ -30,8 +30,9 @@ GRID = 64
 ANGLES, RADII = 90, 24
 OUTERMOST = 2.5
 """Of the polar pictures, in roots of the silhouette's area over pi."""
-TRIED, REFINED = 40, 5
-"""Of the most alike: those whose silhouette is cast in perspective, and those refined."""
+TRIED, REFINED, COARSE = 40, 4, 80
+"""Of the most alike: those whose silhouette is cast in perspective, and those refined; and points along the
+object's longer side by which the former are compared."""
 FITS = 0.97
 """Least intersection over union of a pose that is believed."""
 CLEAR = 0.6
@@ -96,7 +97,7 @@ WEIGHT = np.repeat(RADIUS[:, None], ANGLES, axis=1)
 
 
 def polar(inside: Bool, centre: F64, size: float) -> F64:
-    """A mask [H, W] about ``centre`` (x, y in pixels), radii in ``size`` pixels: F64[RADII, ANGLES] of 0 and 1.
+    """A mask [H, W] about ``centre`` (x, y) by radii in ``size`` pixels: F64[RADII, ANGLES] of 0 and 1.
 
     Angles run from x to -y: counter-clockwise as one looks at the picture.
     """
@@ -106,9 +107,8 @@ def polar(inside: Bool, centre: F64, size: float) -> F64:
     column, row = np.floor(x).astype(int), np.floor(y).astype(int)
     height, width = inside.shape
     there = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-    return np.where(there, inside[row.clip(0, height - 1), column.clip(0, width - 1)], False).astype(
-        np.float64
-    )
+    there &= inside[row.clip(0, height - 1), column.clip(0, width - 1)]
+    return np.asarray(there, dtype=np.float64)
 
 
 def pose_from_outline(scene: RayScene, view: View, around: Silhouettes) -> Outlined:
@@ -117,33 +117,26 @@ def pose_from_outline(scene: RayScene, view: View, around: Silhouettes) -> Outli
         return Outlined(None, 0.0, 0.0, "has no mask")
     region = without_specks(view.region)
     rows, columns = np.nonzero(region)
-    height, width = region.shape
-    edge = BORDER_PX
-    if min(rows.min(), columns.min()) < edge or rows.max() > height - edge or columns.max() > width - edge:
+    far = np.array(region.shape) - 1 - BORDER_PX
+    if min(rows.min(), columns.min()) < BORDER_PX or rows.max() > far[0] or columns.max() > far[1]:
         return Outlined(None, 0.0, 0.0, "is cut by the frame")
     centre = np.array([columns.mean(), rows.mean()]) + 0.5
-    size_px = np.sqrt(len(rows) / np.pi)
-    best = sorted(_alike(around, polar(region, centre, size_px)), key=lambda c: -c[0])[:TRIED]
+    size_px = float(np.sqrt(len(rows) / np.pi))
+    best = sorted(_alike(around, polar(region, centre, size_px)), reverse=True)[:TRIED]
     starts = [_camera(view.lens, around, d, shift, centre, size_px) for _, d, shift in best]
-    overlaps = [iou(scene, view, camera) or 0.0 for camera in starts]
-    order = _distinct(scene, starts, np.argsort(overlaps)[::-1], REFINED)
-    found = [refine_by_contours(scene, view, starts[i]) for i in order]
-    found.sort(key=lambda fit: -(fit.iou or 0.0))
-    first = found[0]
-    others = [f for f in found[1:] if apart(first.camera, f.camera, scene.centre)[0] > DISTINCT]
-    rival = max((f.iou or 0.0 for f in others), default=0.0)
-    fits = first.iou or 0.0
-    if fits < FITS:
-        why = (
-            f"no pose makes its silhouette the mesh's: the best has an intersection over union of {fits:.3f}"
-        )
-        return Outlined(None, fits, rival, why)
-    if 1 - fits > CLEAR * (1 - rival):
-        why = (
-            f"its silhouette fits several poses, with intersections over union of {fits:.3f} and {rival:.3f}"
-        )
-        return Outlined(None, fits, rival, why)
-    return Outlined(first.camera, fits, rival)
+    overlaps = [iou(scene, view, camera, COARSE) or 0.0 for camera in starts]
+    order = sorted(range(len(starts)), key=lambda i: -overlaps[i])
+    fits = [refine_by_contours(scene, view, c) for c in _distinct(scene, [starts[i] for i in order])]
+    fits.sort(key=lambda fit: -(fit.iou or 0.0))
+    camera = fits[0].camera
+    others = [fit for fit in fits[1:] if apart(camera, fit.camera, scene.centre)[0] > DISTINCT]
+    found, rival = fits[0].iou or 0.0, max((fit.iou or 0.0 for fit in others), default=0.0)
+    why = ""
+    if found < FITS:
+        why = f"in no pose is its silhouette the mesh's (intersection over union {found:.3f} at best)"
+    elif 1 - found > CLEAR * (1 - rival):
+        why = f"its silhouette fits several poses (intersections over union {found:.3f} and {rival:.3f})"
+    return Outlined(None if why else camera, found, rival, why)
 
 
 def _all_around(count: int) -> F64:
@@ -157,7 +150,7 @@ def _all_around(count: int) -> F64:
 def _facing(toward: F64) -> F64:
     """A rotation whose z axis is ``toward``."""
     up = np.eye(3)[int(np.argmin(np.abs(toward)))]
-    x = unit(np.cross(up, toward)[None])[0]
+    x = unit(np.cross(up, toward))
     return np.column_stack([x, np.cross(toward, x), toward])
 
 
@@ -186,15 +179,16 @@ def _camera(lens: Camera, around: Silhouettes, d: int, shift: int, centre_px: F6
     rotation = turn @ tilt.as_matrix().T
     pose = np.eye(4)
     pose[:3, :3] = rotation
-    pose[:3, 3] = around.centre[d] - away / -ray[2] * (rotation @ ray) * abs(ray[2])
+    pose[:3, 3] = around.centre[d] - away * (rotation @ ray)
     return replace(lens, world_from_camera=pose)
 
 
-def _distinct(scene: RayScene, cameras: Sequence[Camera], order: Sequence[int], count: int) -> list[int]:
-    kept: list[int] = []
-    for i in order:
-        if all(apart(cameras[i], cameras[j], scene.centre)[0] > DISTINCT for j in kept):
-            kept.append(int(i))
-        if len(kept) == count:
+def _distinct(scene: RayScene, cameras: Sequence[Camera]) -> list[Camera]:
+    """The first ``REFINED`` of them that are not near one before."""
+    kept: list[Camera] = []
+    for camera in cameras:
+        if all(apart(camera, other, scene.centre)[0] > DISTINCT for other in kept):
+            kept.append(camera)
+        if len(kept) == REFINED:
             break
     return kept

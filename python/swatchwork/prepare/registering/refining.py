@@ -61,10 +61,10 @@ class Refined:
     status: Status
 
 
-def iou(scene: RayScene, view: View, camera: Camera) -> float | None:
+def iou(scene: RayScene, view: View, camera: Camera, steps: int = IOU_STEPS) -> float | None:
     """Intersection over union of the view's region and the mesh's silhouette, by points at pixel centres.
 
-    None without a region. Large pictures are sampled at `IOU_STEPS` points along the object.
+    None without a region. Large pictures are sampled at ``steps`` points along the object.
     """
     if view.region is None or not view.region.any():
         return None
@@ -73,7 +73,7 @@ def iou(scene: RayScene, view: View, camera: Camera) -> float | None:
     low, high = object_box(scene, camera)
     low = np.minimum(np.floor(low), [columns[0], rows[0]]).astype(int)
     high = np.maximum(np.ceil(high), [columns[-1] + 1, rows[-1] + 1]).astype(int)
-    step = max(1, int((high - low).max()) // IOU_STEPS)
+    step = max(1, int((high - low).max()) // steps)
     u, v = (np.arange(low[i] + step // 2, high[i], step) for i in (0, 1))
     inside = region[np.ix_(v, u)]
     at = np.stack(np.meshgrid(u + 0.5, v + 0.5), axis=-1).reshape(-1, 2)

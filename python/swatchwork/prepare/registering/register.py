@@ -23,9 +23,11 @@ from swatchwork.prepare.registering.bundle import Bundle, refine
 from swatchwork.prepare.registering.evidence import clicked, silhouettes
 from swatchwork.prepare.registering.growing import Grown, grow
 from swatchwork.prepare.registering.onto_mesh import align_to_mesh
+from swatchwork.prepare.registering.outlining import Silhouettes, pose_from_outline, silhouettes_around
 from swatchwork.prepare.registering.pairs import Pairs
 from swatchwork.prepare.registering.posing import Posed, pose_from_pairs
 from swatchwork.prepare.registering.refining import iou, refine_by_contours
+from swatchwork.prepare.registering.rematching import rematched
 from swatchwork.prepare.registering.structure import structure_from_motion
 from swatchwork.prepare.registering.tracks import Features, Tracks, find_tracks, joined
 from swatchwork.prepare.registering.view import View
@@ -35,6 +37,8 @@ from swatchwork.surface import RayScene
 ROUNDS = 3
 """Of finding the silhouettes' contours and refining all poses by them; the third moves them by hundredths of
 a pixel."""
+FEW = 50
+"""Features shared by a photograph, below which the mesh guides a second search for matches."""
 Others = Literal["features", "colmap", "none"]
 """How photographs without a clue of their own are placed."""
 
@@ -56,7 +60,7 @@ class FrameFit:
 
     Attributes:
         camera: its pose.
-        placed_by: "pairs", "features", "structure from motion".
+        placed_by: "pairs", "features", "silhouette", "structure from motion".
         pairs_px: rms of the clicked pairs that agree; ``pairs_out`` numbers (from 0) of those that do not.
         features: sightings that it shares with other photographs; ``features_px`` their rms.
         iou: intersection over union of its region and the mesh's silhouette.
@@ -110,7 +114,8 @@ def register(
         scan_error: standard deviation of the scan along its normal, world units.
 
     Raises:
-        InputError: no clue, one of no photograph, or pairs that no pose fits; pycolmap is wanted and missing.
+        InputError: nothing places a first photograph, pairs are of no photograph or fit no pose; pycolmap is
+            wanted and missing.
     """
     by_name = {view.name: view for view in views}
     first = _from_pairs(by_name, clues.pairs)
@@ -120,16 +125,32 @@ def register(
         for name, posed in first.items():
             start[name] = refine_by_contours(scene, by_name[name], posed.camera, agreeing[name]).camera
             task.advance()
-    pair_terms = clicked(agreeing)
     placed_by = dict.fromkeys(start, "pairs")
+    outlines = Outlines(scene, by_name, progress)
+    if not start:
+        start = outlines.first()
+        placed_by = dict.fromkeys(start, "silhouette")
     tracks = _no_tracks(views) if others == "none" else find_tracks(views, progress=progress)
-    missing: dict[str, str] = {}
     if others == "colmap":
         start |= _by_structure(scene, views, start)
         placed_by |= {name: "structure from motion" for name in start if name not in placed_by}
+    pair_terms = clicked(agreeing)
     grown = grow(scene, views, start, tracks, (pair_terms,), scan_error=scan_error, progress=progress)
     placed_by |= {name: "features" for name in grown.cameras if name not in placed_by}
-    missing |= {name: why for name, why in grown.missing.items() if name not in grown.cameras}
+    if found_too := outlines.of([name for name in by_name if name not in grown.cameras]):
+        placed_by |= dict.fromkeys(found_too, "silhouette")
+        start = grown.cameras | found_too
+        grown = grow(scene, views, start, tracks, (pair_terms,), scan_error=scan_error, progress=progress)
+        placed_by |= {name: "features" for name in grown.cameras if name not in placed_by}
+    # Where silhouettes tell, features of shiny places that move with the light would only blur it.
+    bare = [n for shared, n in _shared(tracks, grown) if shared < FEW and by_name[n].region is None]
+    if others != "none" and bare:
+        tracks = rematched(scene, grown.cameras, tracks)
+    missing = {
+        name: "; ".join(filter(None, (why, outlines.why.get(name))))
+        for name, why in grown.missing.items()
+        if name not in grown.cameras
+    }
     cameras = grown.cameras
     with progress.stage("Refining all poses together", ROUNDS) as task:
         for _ in range(ROUNDS):
@@ -143,6 +164,52 @@ def register(
     return Registered(frames, missing, tuple(_suspicions(first, grown)), found.status)
 
 
+class Outlines:
+    """Poses by silhouettes, which are sought only where nothing else places a photograph."""
+
+    def __init__(self, scene: RayScene, views: Mapping[str, View], progress: Progress) -> None:
+        self.scene, self.views, self.progress = scene, views, progress
+        self.why: dict[str, str] = {}
+        self._around: Silhouettes | None = None
+
+    def of(self, names: Sequence[str], enough: int | None = None) -> dict[str, Camera]:
+        """Poses of those photographs whose silhouette leaves no doubt, ``enough`` of them or all."""
+        masked = [name for name in names if self.views[name].region is not None]
+        found: dict[str, Camera] = {}
+        if not masked:
+            return found
+        with self.progress.stage("Comparing silhouettes", len(masked)) as task:
+            self._around = self._around or silhouettes_around(self.scene)
+            for name in masked:
+                result = pose_from_outline(self.scene, self.views[name], self._around)
+                if result.camera is not None:
+                    found[name] = result.camera
+                else:
+                    self.why[name] = result.why
+                task.advance()
+                if len(found) == enough:
+                    break
+        return found
+
+    def first(self) -> dict[str, Camera]:
+        """One photograph's pose, for there is no other clue; InputError where no silhouette gives one."""
+        found = self.of(list(self.views), enough=1)
+        if not found:
+            said = "; ".join(f"{name} {why}" for name, why in list(self.why.items())[:3])
+            raise InputError(
+                "nothing says where any photograph was taken from" + (f": {said}" if said else ""),
+                expected="6 to 12 pairs of points in one of them, or masks whose silhouettes are unlike",
+                hint="Click pairs with `swatchwork prepare pairs`",
+            )
+        return found
+
+
+def _shared(tracks: Tracks, grown: Grown) -> list[tuple[int, str]]:
+    """How many sightings each placed photograph shares with another, and its name."""
+    count = np.bincount(tracks.frame, minlength=len(tracks.names))
+    return [(int(count[i]), name) for i, name in enumerate(tracks.names) if name in grown.cameras]
+
+
 def _from_pairs(views: Mapping[str, View], pairs: Mapping[str, Pairs]) -> dict[str, Posed]:
     marked = {name: of for name, of in pairs.items() if len(of)}
     unknown = next((name for name in marked if name not in views), None)
@@ -150,12 +217,6 @@ def _from_pairs(views: Mapping[str, View], pairs: Mapping[str, Pairs]) -> dict[s
         raise InputError(
             f"there are pairs of {marked[unknown].photograph}, which is none of the photographs",
             expected="one of " + ", ".join(list(views)[:8]) + (", ..." if len(views) > 8 else ""),
-        )
-    if not marked:
-        raise InputError(
-            "nothing says where any photograph was taken from",
-            expected="6 to 12 pairs of points in one of them at least",
-            hint="Click them with `swatchwork prepare pairs`",
         )
     return {
         name: pose_from_pairs(views[name].lens, of.uv_px, of.x_in_world, name=str(views[name].file))
