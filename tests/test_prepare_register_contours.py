@@ -44,9 +44,9 @@ def test_contours_of_a_sphere_are_its_tangent_cone():
     found = depth_contours(scene, camera)
     assert found.outer.all() and len(found.uv_px) > 300
     # On the tangent circle x . d = 1 / D. Faces 2 pi / 80 wide lie up to 8e-4 within the ball, and where a
-    # facet is seen edge on, the contour is off by half of its width, 0.03.
+    # facet is seen edge on, the contour is off by its width, 0.08.
     towards = camera.position / np.linalg.norm(camera.position)
-    np.testing.assert_allclose(found.x_in_world @ towards, 1 / np.linalg.norm(camera.position), atol=0.04)
+    np.testing.assert_allclose(found.x_in_world @ towards, 1 / np.linalg.norm(camera.position), atol=0.08)
     # The contour's points are where their image is, within the thousandth of a pixel of the halving.
     np.testing.assert_allclose(camera.project(found.x_in_world)[0], found.uv_px, atol=0.01)
     outward = found.uv_px - camera.project(ORIGIN)[0]

@@ -56,7 +56,7 @@ def test_a_given_circle_on_the_axis():
 def test_what_is_no_sphere_is_told():
     square = np.zeros((LENS.height, LENS.width), bool)
     square[100:300, 200:400] = True
-    with pytest.raises(InputError, match="photo: the outline is .* px off that of a sphere"):
+    with pytest.raises(InputError, match=r"photo: the outline is .* px off that of a sphere"):
         sphere_camera(LENS, square, 1.0, name="photo")
     with pytest.raises(InputError, match="has no outline of a sphere"):
         sphere_camera(LENS, np.zeros_like(square), 1.0)
