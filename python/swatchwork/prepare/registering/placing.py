@@ -37,7 +37,7 @@ BOARD_PX = 3.0
 
 @dataclass(frozen=True, eq=False)
 class BoardPoses:
-    """Cameras in the board's frame by photograph, rms of the corners in pixels, photographs without a board."""
+    """By photograph: cameras in the board's frame, rms of the corners in pixels; those without a board."""
 
     cameras: dict[str, Camera]
     rms_px: dict[str, float]
@@ -111,11 +111,10 @@ def place_mesh(
     used = {name: pairs[name] for name in sorted(pairs) if name in cameras and len(pairs[name])}
     _check(used, free_scale)
     posed = {}
-    for name in used:
-        if len(used[name]) >= 6 or (len(used) == 1 and len(used[name]) >= 4):
-            posed[name] = pose_from_pairs(
-                cameras[name], used[name].uv_px, used[name].x_in_world, name=used[name].photograph
-            ).camera
+    for name, of in used.items():
+        if len(of) >= 6 or (len(used) == 1 and len(of) >= 4):
+            found = pose_from_pairs(cameras[name], of.uv_px, of.x_in_world, name=of.photograph)
+            posed[name] = found.camera
     scales = _scales(posed, cameras) if free_scale else [1.0]
     fits = [_fit(_start(posed[n], cameras[n], s), used, cameras, free_scale) for n in posed for s in scales]
     best = min(fits, key=lambda p: _cost(p, used, cameras))
@@ -124,10 +123,10 @@ def place_mesh(
     best = _by_contours(scene, views, best, used, cameras, free_scale)
     placed = {name: _at(camera, best) for name, camera in cameras.items()}
     agree = _agree(best, used, cameras)
-    if sum(int(a.sum()) for a in agree.values()) < needed(sum(len(p) for p in used.values())):
+    count, total = sum(int(a.sum()) for a in agree.values()), sum(len(of) for of in used.values())
+    if count < needed(total):
         raise InputError(
-            f"{sum(int(a.sum()) for a in agree.values())} of {sum(len(p) for p in used.values())} pairs agree "
-            "on a place of the mesh among the cameras",
+            f"{count} of {total} pairs agree on a place of the mesh among the cameras",
             expected="half or more",
             hint="Did the object move on the board, or between photographs? Check the pairs",
         )
@@ -208,11 +207,12 @@ def _fit(start: F64, used: Mapping[str, Pairs], cameras: Mapping[str, Camera], f
     unit = np.array([1.0, 1, 1, size, size, size, 1])
 
     def whole(q: F64) -> F64:
-        return np.concatenate([q, start[count:] / unit[count:]]) * unit
+        return np.asarray(np.concatenate([q, start[count:] / unit[count:]]) * unit)
 
-    found = least_squares(
-        lambda q: _residual(whole(q), used, cameras), start[:count] / unit[:count], loss="cauchy", f_scale=0.3
-    )
+    def residual(q: F64) -> F64:
+        return _residual(whole(q), used, cameras)
+
+    found = least_squares(residual, start[:count] / unit[:count], loss="cauchy", f_scale=0.3)
     return whole(np.asarray(found.x, dtype=np.float64))
 
 
@@ -243,9 +243,7 @@ def _check_units(
     names |= {10.0: ("millimetres", "centimetres"), 25.4: ("millimetres", "inches")}
     hint = "Measure the board's square again, in the mesh's unit"
     if near is not None:
-        mesh, board = (
-            names[near] if near in names else names[min(names, key=lambda u: abs(u - 1 / near))][::-1]
-        )
+        mesh, board = names[near] if near in names else names[round(1 / near, 6)][::-1]
         hint = f"The mesh looks to be in {mesh} and --square in {board}"
     raise InputError(
         f"the mesh and the board are in different units: {other} of {total} pairs agree with a board "
