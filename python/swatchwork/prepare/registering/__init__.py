@@ -3,55 +3,71 @@
 """Where photographs were taken from, in the world of the object's mesh (paper, section 6)."""
 
 from swatchwork.prepare.registering.bundle import Bundle, refine
+from swatchwork.prepare.registering.contours import ImageEdges, contour_terms, depth_contours
 from swatchwork.prepare.registering.growing import Grown, Placed, grow
 from swatchwork.prepare.registering.motion import apart, moved, projected
 from swatchwork.prepare.registering.onto_mesh import Aligned, align_to_mesh
 from swatchwork.prepare.registering.outlining import Outlined, pose_from_outline, silhouettes_around
 from swatchwork.prepare.registering.pairs import Pairs, read_pairs, write_pairs
+from swatchwork.prepare.registering.placing import BoardPoses, PlacedRig, board_poses, place_mesh
 from swatchwork.prepare.registering.posing import Posed, default_tolerance_px, pose_from_pairs
+from swatchwork.prepare.registering.refining import Refined, iou, refine_by_contours
 from swatchwork.prepare.registering.register import Clues, FrameFit, Others, Registered, register
 from swatchwork.prepare.registering.rematching import rematched
 from swatchwork.prepare.registering.resection import Resection, resect
 from swatchwork.prepare.registering.sliding import Extra
+from swatchwork.prepare.registering.spheres import SpherePose, sphere_camera
 from swatchwork.prepare.registering.structure import Structure, structure_from_motion
 from swatchwork.prepare.registering.tracks import Features, Tracks, features, find_tracks, matches
 from swatchwork.prepare.registering.view import View
 
 __all__ = [
     "Aligned",
+    "BoardPoses",
     "Bundle",
     "Clues",
     "Extra",
     "Features",
     "FrameFit",
     "Grown",
+    "ImageEdges",
     "Others",
     "Outlined",
     "Pairs",
     "Placed",
+    "PlacedRig",
     "Posed",
+    "Refined",
     "Registered",
     "Resection",
+    "SpherePose",
     "Structure",
     "Tracks",
     "View",
     "align_to_mesh",
     "apart",
+    "board_poses",
+    "contour_terms",
     "default_tolerance_px",
+    "depth_contours",
     "features",
     "find_tracks",
     "grow",
+    "iou",
     "matches",
     "moved",
+    "place_mesh",
     "pose_from_outline",
     "pose_from_pairs",
     "projected",
     "read_pairs",
     "refine",
+    "refine_by_contours",
     "register",
     "rematched",
     "resect",
     "silhouettes_around",
+    "sphere_camera",
     "structure_from_motion",
     "write_pairs",
 ]

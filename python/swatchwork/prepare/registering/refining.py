@@ -135,20 +135,20 @@ def _size(scene: RayScene, camera: Camera) -> float:
 
 
 def _placed(scene: RayScene, view: View, camera: Camera) -> Camera:
-    """The camera moved so that the silhouette has the region's centre and area; unmoved where one is cut."""
+    """The camera moved so that the silhouette has the region's centre and area; as it was where cut."""
     assert view.region is not None
     region = without_specks(view.region)
     for _ in range(3):
         low, high = object_box(scene, camera)
         steps = np.maximum((high - low) / 100, 1.0).max()
         u, v = (np.arange(low[i] + steps / 2, high[i], steps) for i in (0, 1))
-        at = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
-        on = at[np.isfinite(distances(scene, camera, at))] if len(at) else at
-        if not len(on) or _cut(on, camera, steps) or not region.any():
+        at = np.stack(np.meshgrid(u, v), axis=-1).astype(np.float64).reshape(-1, 2)
+        on: F64 = at[np.isfinite(distances(scene, camera, at))] if len(at) else at
+        if not len(on) or _cut(on, camera, float(steps)) or not region.any():
             return camera
         rows, columns = np.nonzero(region)
         own = np.column_stack([columns, rows]).astype(np.float64) + 0.5
-        if _cut(own, camera, 1.0):
+        if _cut(np.asarray(own, np.float64), camera, 1.0):
             return camera
         grow = float(np.sqrt(len(own) / (len(on) * steps**2)))
         camera = _towards(camera, scene.centre, on.mean(axis=0), own.mean(axis=0), grow)
@@ -162,7 +162,7 @@ def _cut(points: F64, camera: Camera, steps: float) -> bool:
 
 
 def _towards(camera: Camera, centre: F64, at: F64, wanted: F64, grow: float) -> Camera:
-    """The camera moved, not turned, until what is seen ``at`` is at ``wanted``, ``grow`` times larger."""
+    """The camera moved without a turn: what is seen ``at`` comes to ``wanted``, ``grow`` times larger."""
     _, depth = camera.project(centre[None])
     if not depth[0] > 0:
         return camera
