@@ -13,7 +13,7 @@ import pytest
 
 from swatchwork.capture import read_capture
 from swatchwork.cli import main
-from swatchwork.prepare.registering import Pairs, apart, write_pairs
+from swatchwork.prepare.registering import Pairs, write_pairs
 from swatchwork.surface import points_in_sight, surface_points, write_mesh_obj
 from swatchwork.workflow import RegisterSummary, register_photographs
 from synthetic_photographs import LENS, blob, photograph, truth, worst
@@ -85,14 +85,22 @@ def test_photographs_become_a_capture(card: Path, tmp_path: Path, capsys: pytest
         assert (tmp_path / "capture" / name).is_file()
 
 
+def test_masks_alone_place_photographs(card: Path, tmp_path: Path) -> None:
+    summary = run(card, tmp_path, others="none")
+    assert [p.placed_by for p in summary.photographs] == COUNT * ["silhouette"] and not summary.missing
+    capture = read_capture(tmp_path / "capture", require_images=False)
+    angle, away = worst({Path(f.name).stem: f.camera for f in capture.frames})
+    assert angle < 0.3 and away < 0.006
+
+
 def test_wrong_clicks_are_named_and_left_out(card: Path, tmp_path: Path) -> None:
     write_pairs(tmp_path / "pairs.json", {"p0": clicks(wrong=0.3)}, "mesh.obj")
     with pytest.warns(UserWarning, match=r"p0: pairs? [\d, ]+ disagree"):
         summary = run(card, tmp_path, pairs=tmp_path / "pairs.json", others="none")
-    (only,) = summary.photographs
-    assert len(only.pairs_left_out) == 4 and set(summary.missing) == {"p1", "p2", "p3"}
-    camera = read_capture(tmp_path / "capture", require_images=False).frames[0].camera
-    angle, away = apart(truth()["p0"], camera, np.zeros(3))
+    assert [len(p.pairs_left_out) for p in summary.photographs] == [4, 0, 0, 0]
+    assert [p.placed_by for p in summary.photographs] == ["pairs"] + 3 * ["silhouette"]
+    capture = read_capture(tmp_path / "capture", require_images=False)
+    angle, away = worst({Path(f.name).stem: f.camera for f in capture.frames})
     # A mask a pixel too small and clicks of a pixel, without features: a few times the goal.
     assert angle < 0.3 and away < 0.006
 
@@ -134,7 +142,8 @@ def test_bad_input_is_named(card: Path, tmp_path: Path, capsys, changed, words) 
 def test_no_clue_says_what_to_do(card: Path, tmp_path: Path, capsys) -> None:  # type: ignore[no-untyped-def]
     words = command(card, tmp_path / "capture")
     at = words.index("--pairs")
-    assert main(words[:at] + words[at + 2 :]) == 2
+    # Masks would be a clue.
+    assert main(words[:at]) == 2
     assert "swatchwork prepare pairs" in capsys.readouterr().err
 
 

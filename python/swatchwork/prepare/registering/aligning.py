@@ -31,12 +31,12 @@ STAGES = ((0.1, 60, 8, 0.3), (0.04, 120, 8, 0.1), (0.015, 200, 12, 0.01))
 """How far a contour is looked for, over the object's size; steps of the grid along it; rounds at most; and
 the motion of the surface in the image, in pixels, below which the stage ends."""
 LEAST_REACH_PX = 4.0
-KNOWN = 3e-4
-"""Least lambda: a surface that moves by 1 pixel moves its contours by a sixtieth, as clean masks tell."""
+KNOWN = 1e-3
+"""Least lambda: a surface that moves by 1 pixel moves its contours by 0.03, a tenth of a mask's error."""
 DAMPING = 1e-4
-PAIR_WEIGHT = 1e-4
-"""Of one pair against all contour points: a click is off by 2 pixels, a mask by a seventh of one, which is
-the same for neighbours: a contour is worth some fifty points. Of six pairs, a motion is known."""
+PAIR_WEIGHT = 3e-4
+"""Of one pair against all contour points: a click is off by 2 pixels, a mask by a quarter of one, the
+same for neighbours: a contour is worth some fifty points. Of six pairs, a motion is known."""
 PAIR_PX = 4.0
 """Distance from which on a pair's robust weight falls."""
 SURFACE = 200
@@ -141,6 +141,7 @@ def _step(
         B += np.einsum("pix,piy->xy", moves, moves) / len(moves) / len(terms)
         if clicked is not None:
             r, J = _pair_terms(camera, clicked)
+            J = J @ spread
             A += PAIR_WEIGHT * J.T @ J
             gradient += PAIR_WEIGHT * J.T @ r
     # Rotations and translations have different units.
