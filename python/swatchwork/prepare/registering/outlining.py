@@ -10,10 +10,12 @@ is believed only where it fits well and the next best does not.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from swatchwork.arrays import F64, Bool, unit
@@ -24,9 +26,12 @@ from swatchwork.prepare.registering.refining import iou, refine_by_contours
 from swatchwork.prepare.registering.view import View
 from swatchwork.surface import RayScene
 
+TYPICAL = 0.8
+"""Root of a silhouette's area over pi, over the object's radius: for a first guess of its distance."""
 DIRECTIONS = 2000
 """From which the mesh is seen: 4 degrees apart, and contours refine what is off by half of that."""
 GRID = 64
+C128 = npt.NDArray[np.complex128]
 ANGLES, RADII = 90, 24
 OUTERMOST = 2.5
 """Of the polar pictures, in roots of the silhouette's area over pi."""
@@ -43,19 +48,21 @@ DISTINCT = 10.0
 
 @dataclass(frozen=True, eq=False)
 class Silhouettes:
-    """Of the mesh from far away.
+    """Of the mesh from all around, at one distance.
 
     Attributes:
-        turn: F64[D, 3, 3], world_from_camera of each; z points at the camera.
+        distance: of the cameras from the object's centre, world units.
+        turn: F64[D, 3, 3], world_from_camera of each; z points from the centre to the camera.
         spectrum: complex [D, RADII, ANGLES // 2 + 1], of polar pictures along the angle.
-        centre: F64[D, 3], a world point whose image is the silhouette's centre.
-        size: F64[D], root of its area over pi, world units.
+        toward: F64[D, 3], from the camera to the silhouette's centre, in its axes, 1 along -z.
+        size: F64[D], root of its area over pi, on the plane at a depth of 1.
         own: F64[D], each picture's weighted area.
     """
 
+    distance: float
     turn: F64
-    spectrum: np.ndarray
-    centre: F64
+    spectrum: C128
+    toward: F64
     size: F64
     own: F64
 
@@ -70,26 +77,29 @@ class Outlined:
     why: str = ""
 
 
-def silhouettes_around(scene: RayScene, directions: int = DIRECTIONS) -> Silhouettes:
-    """Cast the mesh's silhouettes from all around."""
-    line = (np.arange(GRID) + 0.5) / GRID * 2 - 1
+def silhouettes_around(scene: RayScene, distance: float, directions: int = DIRECTIONS) -> Silhouettes:
+    """Cast the mesh's silhouettes from all around, from cameras at ``distance`` (world units)."""
+    reach = scene.radius / np.sqrt(max(distance**2 - scene.radius**2, (0.1 * scene.radius) ** 2))
+    line = ((np.arange(GRID) + 0.5) / GRID * 2 - 1) * reach
     plane = np.stack(np.meshgrid(line, -line), axis=-1).reshape(-1, 2)
-    turns, spectra, centres, sizes, owns = [], [], [], [], []
-    for toward in _all_around(directions):
-        turn = _facing(toward)
-        offset = scene.radius * plane @ turn[:, :2].T
-        origin = scene.centre + offset + 2 * scene.radius * toward
-        hit = scene.first_hit(origin, np.broadcast_to(-toward, origin.shape)).mesh == 0
-        inside = hit.reshape(GRID, GRID)
-        where = plane[hit].mean(axis=0) * [1, -1]
-        size = np.sqrt(hit.sum() / np.pi) * 2 / GRID
-        picture = polar(inside, (where + 1) / 2 * GRID, size * GRID / 2)
+    ahead = np.column_stack([plane, -np.ones(len(plane))])
+    turns, spectra, towards, sizes, owns = [], [], [], [], []
+    for out in _all_around(directions):
+        turn = _facing(out)
+        origin = np.broadcast_to(scene.centre + distance * out, ahead.shape)
+        hit = scene.first_hit(origin, ahead @ turn.T).mesh == 0
+        if not hit.any():
+            continue
+        middle = plane[hit].mean(axis=0)
+        size = np.sqrt(hit.sum() / np.pi)
+        at = (middle * [1, -1] / reach + 1) / 2 * GRID
+        picture = polar(hit.reshape(GRID, GRID), at, size)
         turns.append(turn)
-        centres.append(scene.centre + scene.radius * (turn[:, :2] @ (where * [1, -1])))
-        sizes.append(size * scene.radius)
+        towards.append([*middle, -1.0])
+        sizes.append(size * 2 * reach / GRID)
         owns.append((picture * WEIGHT).sum())
         spectra.append(np.fft.rfft(picture, axis=1))
-    return Silhouettes(np.array(turns), np.array(spectra), np.array(centres), np.array(sizes), np.array(owns))
+    return Silhouettes(distance, *map(np.array, (turns, spectra, towards, sizes, owns)))
 
 
 RADIUS = (np.arange(RADII) + 0.5) / RADII * OUTERMOST
@@ -111,22 +121,29 @@ def polar(inside: Bool, centre: F64, size: float) -> F64:
     return np.asarray(there, dtype=np.float64)
 
 
-def pose_from_outline(scene: RayScene, view: View, around: Silhouettes) -> Outlined:
-    """The pose of a view by its region, which must be whole."""
+def pose_from_outline(scene: RayScene, view: View, around: Callable[[float], Silhouettes]) -> Outlined:
+    """The pose of a view by its region, which must be whole.
+
+    Args:
+        around: the mesh's silhouettes from a distance near the one given.
+    """
     if view.region is None or not view.region.any():
         return Outlined(None, 0.0, 0.0, "has no mask")
-    region = without_specks(view.region)
-    rows, columns = np.nonzero(region)
-    far = np.array(region.shape) - 1 - BORDER_PX
+    flat = _without_distortion(view)
+    assert flat.region is not None
+    rows, columns = np.nonzero(flat.region)
+    far = np.array(flat.region.shape) - 1 - BORDER_PX
     if min(rows.min(), columns.min()) < BORDER_PX or rows.max() > far[0] or columns.max() > far[1]:
         return Outlined(None, 0.0, 0.0, "is cut by the frame")
     centre = np.array([columns.mean(), rows.mean()]) + 0.5
     size_px = float(np.sqrt(len(rows) / np.pi))
-    best = sorted(_alike(around, polar(region, centre, size_px)), reverse=True)[:TRIED]
-    starts = [_camera(view.lens, around, d, shift, centre, size_px) for _, d, shift in best]
-    overlaps = [iou(scene, view, camera, COARSE) or 0.0 for camera in starts]
+    angle = size_px / np.sqrt(flat.lens.fx * flat.lens.fy)
+    seen = around(TYPICAL * scene.radius / angle)
+    best = sorted(_alike(seen, polar(flat.region, centre, size_px)), reverse=True)[:TRIED]
+    starts = [_camera(flat.lens, scene.centre, seen, d, shift, centre, angle) for _, d, shift in best]
+    overlaps = [iou(scene, flat, camera, COARSE) or 0.0 for camera in starts]
     order = sorted(range(len(starts)), key=lambda i: -overlaps[i])
-    fits = [refine_by_contours(scene, view, c) for c in _distinct(scene, [starts[i] for i in order])]
+    fits = [refine_by_contours(scene, flat, c) for c in _distinct(scene, [starts[i] for i in order])]
     fits.sort(key=lambda fit: -(fit.iou or 0.0))
     camera = fits[0].camera
     others = [fit for fit in fits[1:] if apart(camera, fit.camera, scene.centre)[0] > DISTINCT]
@@ -136,7 +153,20 @@ def pose_from_outline(scene: RayScene, view: View, around: Silhouettes) -> Outli
         why = f"in no pose is its silhouette the mesh's (intersection over union {found:.3f} at best)"
     elif 1 - found > CLEAR * (1 - rival):
         why = f"its silhouette fits several poses (intersections over union {found:.3f} and {rival:.3f})"
-    return Outlined(None if why else camera, found, rival, why)
+    posed = replace(view.lens, world_from_camera=camera.world_from_camera)
+    return Outlined(None if why else posed, found, rival, why)
+
+
+def _without_distortion(view: View) -> View:
+    """The view as a lens without distortion would have seen it: its rays cost far less."""
+    lens = replace(view.lens, k1=0.0, k2=0.0, p1=0.0, p2=0.0, world_from_camera=np.eye(4))
+    assert view.region is not None
+    region = without_specks(view.region)
+    uv, _ = replace(view.lens, world_from_camera=np.eye(4)).project(lens.rays(lens.pixel_centres()))
+    u, v = (np.nan_to_num(uv[:, i], nan=-9.0).astype(np.float32).reshape(region.shape) - 0.5 for i in (0, 1))
+    mask = cv2.remap(region.astype(np.float32), u, v, cv2.INTER_LINEAR)
+    gray = cv2.remap(view.gray, u, v, cv2.INTER_LINEAR)
+    return View(view.file, lens, np.asarray(gray, dtype=np.uint8), np.asarray(mask > 0.5))
 
 
 def _all_around(count: int) -> F64:
@@ -167,19 +197,26 @@ def _alike(around: Silhouettes, picture: F64) -> list[tuple[float, int, int]]:
     return found + [(float(share[i, other[i]]), int(i), int(other[i])) for i in d]
 
 
-def _camera(lens: Camera, around: Silhouettes, d: int, shift: int, centre_px: F64, size_px: float) -> Camera:
-    """The camera that sees the mesh as direction ``d`` does, turned by ``shift``, about ``centre_px``."""
-    angle = shift / ANGLES * 2 * np.pi
+def _camera(
+    lens: Camera, centre: F64, around: Silhouettes, d: int, shift: int, centre_px: F64, angle: float
+) -> Camera:
+    """The camera that sees the mesh as direction ``d`` does, turned by ``shift``, about ``centre_px``.
+
+    ``angle``: root of the silhouette's area over pi, over the focal length.
+    """
+    turned = shift / ANGLES * 2 * np.pi
     # The picture is turned counter-clockwise, and so the camera clockwise about its axis.
-    turn = around.turn[d] @ Rotation.from_rotvec([0, 0, -angle]).as_matrix()
-    ray = replace(lens, world_from_camera=np.eye(4)).rays(centre_px[None])[0]
-    away = around.size[d] * np.sqrt(lens.fx * lens.fy) / size_px
-    # Looked at along the ray, not along the axis: the least rotation from the one to the other.
-    tilt, _ = Rotation.align_vectors([ray], [[0.0, 0.0, -1.0]])
+    turn = around.turn[d] @ Rotation.from_rotvec([0, 0, -turned]).as_matrix()
+    seen = around.turn[d] @ around.toward[d]
+    ray = lens.rays(centre_px[None])[0]
+    # The least rotation that brings the silhouette's centre to where the photograph has it.
+    tilt, _ = Rotation.align_vectors([ray], [turn.T @ unit(seen)])
     rotation = turn @ tilt.as_matrix().T
+    middle = centre + around.distance * (around.turn[d][:, 2] + seen)
+    away = around.distance * around.size[d] / angle
     pose = np.eye(4)
     pose[:3, :3] = rotation
-    pose[:3, 3] = around.centre[d] - away * (rotation @ ray)
+    pose[:3, 3] = middle + away / ray[2] * (rotation @ ray)
     return replace(lens, world_from_camera=pose)
 
 

@@ -37,6 +37,8 @@ from swatchwork.surface import RayScene
 ROUNDS = 3
 """Of finding the silhouettes' contours and refining all poses by them; the third moves them by hundredths of
 a pixel."""
+STEP = 0.2
+"""Logarithm of the ratio of distances at which the mesh's silhouettes are cast."""
 FEW = 50
 """Features shared by a photograph, below which the mesh guides a second search for matches."""
 Others = Literal["features", "colmap", "none"]
@@ -170,7 +172,14 @@ class Outlines:
     def __init__(self, scene: RayScene, views: Mapping[str, View], progress: Progress) -> None:
         self.scene, self.views, self.progress = scene, views, progress
         self.why: dict[str, str] = {}
-        self._around: Silhouettes | None = None
+        self._around: dict[int, Silhouettes] = {}
+
+    def around(self, distance: float) -> Silhouettes:
+        """The mesh's silhouettes from about that far, cast once for distances within a tenth."""
+        step = round(np.log(distance / self.scene.radius) / STEP)
+        if step not in self._around:
+            self._around[step] = silhouettes_around(self.scene, self.scene.radius * np.exp(step * STEP))
+        return self._around[step]
 
     def of(self, names: Sequence[str], enough: int | None = None) -> dict[str, Camera]:
         """Poses of those photographs whose silhouette leaves no doubt, ``enough`` of them or all."""
@@ -179,9 +188,8 @@ class Outlines:
         if not masked:
             return found
         with self.progress.stage("Comparing silhouettes", len(masked)) as task:
-            self._around = self._around or silhouettes_around(self.scene)
             for name in masked:
-                result = pose_from_outline(self.scene, self.views[name], self._around)
+                result = pose_from_outline(self.scene, self.views[name], self.around)
                 if result.camera is not None:
                     found[name] = result.camera
                 else:
