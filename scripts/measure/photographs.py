@@ -4,10 +4,11 @@
 
     python scripts/measure/photographs.py --data ../shared/data --json target/validation/photographs.json
 
-Mitsuba 3 renders a scanned mesh, painted with photographed metal, and a mirror ball under a real probe, through
-a distorted lens (studio/). A simulated camera takes brackets of them, and of a board. The public commands go the
-whole way: calibrate, linearize, register, probe, check, reconstruct, relight, evaluate. Beside it goes the
-perfect capture: the same radiance, poses and light as they are. Renders are kept in --work and not made again.
+Mitsuba 3 renders a scanned mesh, painted with photographed metal, and a mirror ball under a real probe,
+through a distorted lens (studio/). A simulated camera takes brackets of them, and photographs of a board. The
+public commands go the whole way: calibrate, linearize, register, probe, check, reconstruct, relight,
+evaluate. Beside it goes the perfect capture: the same radiance, poses and light as they are. Renders are kept
+in --work and not made again.
 
 --true-poses leaves out `prepare register`. --ablations recovers captures with one step's error alone, too.
 Needs `mitsuba` (extra: oracle) and LLVM 17 or newer (Debian: libllvm19).

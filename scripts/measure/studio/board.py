@@ -60,7 +60,7 @@ def seen_by(camera: Camera, pose: tuple[F64, F64]) -> F32:
 
 def shade(x: F64) -> F64:
     """What is printed at points [..., 2] of the board's plane, the board's middle being 0."""
-    square = np.floor(x + [(COLUMNS + 1) / 2, (ROWS + 1) / 2])
+    square = np.floor(x + np.array([COLUMNS + 1, ROWS + 1]) / 2)
     inside = (np.abs(x) < [(COLUMNS + 1) / 2, (ROWS + 1) / 2]).all(axis=-1)
     paper = (np.abs(x) < [(COLUMNS + 1) / 2 + MARGIN, (ROWS + 1) / 2 + MARGIN]).all(axis=-1)
     printed = np.where(square.sum(axis=-1) % 2 == 0, BLACK, WHITE)

@@ -96,7 +96,7 @@ def times_for(pictures: Sequence[Float], count: int) -> list[float]:
 def photograph(
     kind: CameraKind, folder: Path, pictures: Sequence[Float], times: Sequence[float], *, name: str, seed: int
 ) -> list[list[Path]]:
-    """Take each picture at all times: NAME_0001 and on; the files of each, and ``exposures.csv`` beside them."""
+    """Take each picture at all times, as NAME_0001 and on; the files of each. Writes exposures.csv, too."""
     folder.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng(seed)
     taken: list[list[Path]] = []

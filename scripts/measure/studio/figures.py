@@ -100,7 +100,7 @@ def coarse(values: Float, width: int) -> F64:
 
 
 def of_probe(found: Environment, true: Environment, unseen: Float, scale: F64) -> dict[str, float]:
-    """NRMS of a probe's area means where a ball shows the light, by the width of the map; and of irradiance."""
+    """NRMS of area means where a ball shows the light, by the width of the map; and of irradiance."""
     figures = {}
     hidden = np.kron(unseen > 0, np.ones((FINE // 2 // len(unseen),) * 2)) > 0
     for width in WIDTHS:

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: MIT
 """Radiance that reaches the pixels of a lens, by Mitsuba 3: an object or a mirror ball under a light probe.
 
-Rays start from the distorted lens itself (lens.py), spread evenly over a pixel's square; nothing is resampled.
+Rays start from the distorted lens itself (lens.py), spread evenly over a pixel; nothing is resampled.
 """
 
 from __future__ import annotations
