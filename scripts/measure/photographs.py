@@ -219,6 +219,7 @@ def measure(studio: Studio, kind_name: str, options: argparse.Namespace) -> Figu
         "calibration_rms_px": found["figures"]["rms_px"],
         "response_rms_log": figures.of_response(kind, str(response) if shared else kind.response),
         "radiance_nrms": figures.of_radiance([r.linear for r in read], true, on_object, scale),
+        "radiance_of_blocks_nrms": figures.of_blocks([r.linear for r in read], true, on_object, scale),
         "radiance_of_balls_nrms": figures.of_radiance(
             [r.linear for r in read_balls], balls, on_ball, of_ball
         ),

@@ -82,6 +82,20 @@ def of_radiance(found: Sequence[Float], true: Sequence[Float], where: Sequence[B
     return nrms(a, b)
 
 
+def of_blocks(
+    found: Sequence[Float], true: Sequence[Float], where: Sequence[Bool], scale: F64, side: int = 4
+) -> float:
+    """The same of means over squares of pixels that lie wholly in ``where``: what noise and coding leave."""
+
+    def means(image: Float) -> F64:
+        height, width = (length // side * side for length in image.shape[:2])
+        blocks = image[:height, :width].reshape(height // side, side, width // side, side, -1)
+        return np.asarray(blocks.mean(axis=(1, 3), dtype=np.float64))
+
+    whole = [means(w[..., None])[..., 0] == 1 for w in where]
+    return of_radiance([means(f) for f in found], [means(t) for t in true], whole, scale)
+
+
 # ---- light ---------------------------------------------------------------------------------------
 def on_map(light: Environment, width: int) -> F64:
     """Area means of a light on a map in Mitsuba's convention: what is finer than its texels is averaged."""
