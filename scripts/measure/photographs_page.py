@@ -28,11 +28,12 @@ def section(figures: Figures) -> str:
     )
     parts = [
         f"""Mitsuba renders a scan ({figures["triangles"]:,} triangles) painted with photographed metal and
-rust, and a mirror ball, under {figures["light"]} through a distorted lens of {width} x {height} pixels; a simulated
-camera (photons, read noise, saturation, response, coding) takes {figures["views"]} views at three exposures,
-two balls at five, 12 boards at one; the public commands do the rest. {poses} The material is compared under
-{figures["novel"]} in novel views with Mitsuba's renders of the true one. *jpeg*: 8 bits, 4:2:2, quality 95,
-response recovered from the brackets; *linear16*: PNG of 16 bits, its response given.
+rust, and a mirror ball, under {figures["light"]} through a distorted lens of {width} x {height} pixels.
+A simulated camera (photons, read noise, saturation, response, coding) takes {figures["views"]} views at three
+exposures, two balls at five, 12 boards at one; the public commands do the rest. {poses}
+The material is compared under {figures["novel"]} in novel views with Mitsuba's renders of the true one.
+*jpeg*: 8 bits, 4:2:2, quality 95, response recovered from the brackets; *linear16*: PNG of 16 bits, its
+response given.
 
 {results.verdicts([verdict for row in rows for verdict in _verdicts(row)])}"""
     ]
@@ -87,10 +88,10 @@ def _steps(rows: list[Figures]) -> str:
         lines.append(["pose, worst angle", *(f"{max(s['poses']['degrees']):.3f} degrees" for s in of)])
         lines.append(["pose, worst place", *(percent(max(s["poses"]["distance"])) for s in of)])
     table = results.table(["step", *(row["camera"] for row in rows)], lines, markdown=True)
-    return f"""Each step against the truth (NRMS where it is a share of radiance). Radiance is after one factor
-a channel, that of the photographs, which a camera's unit leaves open: the probe has the same, and it cancels in
-the material. Both probes are averaged over the texels of one map, so that what the ball cannot resolve is in
-neither; parts of the sphere that no ball shows would be left out, and two balls show all of it.
+    return f"""Each step against the truth (NRMS where it is a share of radiance). Radiance is after one
+factor a channel, that of the photographs, which a camera's unit leaves open: the probe has the same, and it
+cancels in the material. Both probes are averaged over the texels of one map, so that what the ball cannot
+resolve is in neither; parts of the sphere that no ball shows would be left out, and two balls show all of it.
 
 {table}"""
 
