@@ -41,8 +41,8 @@ LIGHT, NOVEL = "uffizi", "rnl"
 """Of the capture, and of the test."""
 VIEWS, BALLS, BOARDS, TEST = 8, (0, 2), 12, 4
 """Photographs; those from whose tripods the ball was taken, a quarter turn apart; boards; novel views."""
-SAMPLES = {"object": 32, "ball": 32, "test": 128}
-"""Rays a pixel."""
+SAMPLES = {"object": 32, "ball": 32, "test": 64, "noise": 16}
+"""Rays a pixel; ``noise`` of the pictures that tell how far the others are from their mean."""
 BRACKETS = {"object": 3, "ball": 5, "board": 1}
 TURN = np.diag([-1.0, 1.0, -1.0])
 """World from the probes' own axes."""
@@ -79,6 +79,14 @@ class Studio:
         self.tests = self._renders(
             f"test-{novel}", painted, self.novel, self.test_cameras, SAMPLES["test"], background=False
         )
+        self.again = [
+            self._renders(
+                f"again-{light}", painted, self.light, self.cameras[:1], SAMPLES["noise"], background=True
+            ),
+            self._renders(
+                f"again-{novel}", painted, self.novel, self.test_cameras, SAMPLES["noise"], background=False
+            ),
+        ]
         self.key = key
 
     def _kept_light(self, name: str) -> Path:
@@ -108,12 +116,27 @@ class Studio:
             begun.mkdir(parents=True, exist_ok=True)
             scene = renderer.Scene(shape[0](*shape[1:]), light, background=background)
             for i, camera in enumerate(cameras):
-                image = scene.seen_by(camera, samples, seed=100 + i)
+                image = scene.seen_by(camera, samples, seed=samples * 100 + i)
                 write_exr_channels(begun / f"{i}.exr", {c: image[..., k] for k, c in enumerate("RGBA")})
                 print(f"rendered {name} {i + 1} of {len(cameras)}", flush=True)
             begun.rename(folder)
         read = [read_exr_channels(folder / f"{i}.exr") for i in range(len(cameras))]
         return [np.stack([channels[c] for c in "RGBA"], axis=-1) for channels in read]
+
+    def noise(self) -> dict[str, float]:
+        """What the renders' own noise is: NRMS on the object, from others of fewer rays."""
+        found = {}
+        for name, pictures, again in zip(
+            ("object", "test"), (self.photographs, self.tests), self.again, strict=True
+        ):
+            pairs = [
+                (b[p[..., 3] > 0.999], p[p[..., 3] > 0.999]) for p, b in zip(pictures, again, strict=False)
+            ]
+            other, own = (np.concatenate([pair[i][:, :3] for pair in pairs]) for i in (0, 1))
+            # Variances add, each the inverse of its rays.
+            share = 1 / (1 + SAMPLES[name] / SAMPLES["noise"])
+            found[name] = figures.nrms(other, own) * float(np.sqrt(share))
+        return found
 
     def test(self) -> Path:
         """The pictures to compare with, as a capture under the novel light."""
@@ -263,11 +286,10 @@ def measure(studio: Studio, kind_name: str, options: argparse.Namespace) -> Figu
     captures = steps.by_name(parts, work / "captures")
     check = timed(took, "check", lambda: steps.checked(captures["pictures"]))
     test = studio.test()
+    choice = ["--resolution", str(options.resolution)] if options.resolution else []
     ways = {}
     for name, capture in captures.items():
-        ways[name] = timed(
-            took, f"recover {name}", lambda c=capture: steps.recovered(c, test, options.reconstruct)
-        )
+        ways[name] = timed(took, f"recover {name}", lambda c=capture: steps.recovered(c, test, choice))
         print(f"{name}: {100 * ways[name]['evaluation']['nrms']:.2f} %", flush=True)
     if options.picture is not None:
         sheet.write(
@@ -333,7 +355,7 @@ def main() -> None:
     parser.add_argument("--true-poses", action="store_true", help="do not register")
     parser.add_argument("--wrong-clicks", type=float, default=0.0, metavar="SHARE")
     parser.add_argument("--ablations", action="store_true", help="each step's error alone, too")
-    parser.add_argument("--reconstruct", nargs="*", default=[], help="options of `swatchwork reconstruct`")
+    parser.add_argument("--resolution", type=int, help="of `swatchwork reconstruct`")
     parser.add_argument("--picture", type=Path, help="write a contact sheet here (JPEG)")
     parser.add_argument("--json", type=Path)
     args = parser.parse_args()
@@ -351,6 +373,8 @@ def main() -> None:
             "views": VIEWS,
             "triangles": len(studio.mesh.faces),
             "size": [subject.LENS.width, subject.LENS.height],
+            "noise": studio.noise(),
+            "samples": SAMPLES,
             "picture": os.path.basename(args.picture) if args.picture else None,
             "rows": rows,
             "seconds": time.perf_counter() - start,

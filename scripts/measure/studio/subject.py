@@ -18,7 +18,7 @@ from swatchwork.surface import Mesh, build_atlas, fill_gutter, padded, read_mesh
 SCAN = "meshes/stanford-bunny.obj"
 PAINT = "textures/rustymetal"
 ATLAS = 1024
-REPEATS = 0.8
+REPEATS = 0.5
 """Of the paint, over the radius of the object."""
 LENS = Camera(1000, 750, 1103.0, 1106.5, 507.4, 368.9, np.eye(4), k1=-0.12, k2=0.05, p1=8e-4, p2=-5e-4)
 AWAY = 3.0
