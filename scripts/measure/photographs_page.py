@@ -116,7 +116,8 @@ def _ways(row: Figures) -> str:
     prepare = ("calibrate", "linearize", "linearize balls", "register", "probe")
     seconds = sum(row["seconds"].get(step, 0) for step in prepare)
     return f"""*{row["camera"]}*, novel light and views: what the pictures cost is {100 * loss:+.1f} % of the
-perfect capture's error. Preparing took {seconds:.0f} s.
+perfect capture's error. That is one run of each, the renders' noise is in both, and n and N are searched for
+anew: where they differ, so do the materials for that reason too. Preparing took {seconds:.0f} s.
 
 {results.table(list(HEAD), lines, markdown=True)}"""
 
