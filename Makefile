@@ -69,7 +69,7 @@ bench: setup ## measure speed, memory and error (hours); write docs/benchmarks.m
 	$(BIN)/python scripts/bench/page.py --figures $(BENCH) --page docs/benchmarks.md
 
 # Finished capture runs are kept in $(FIGURES)/runs; `rm -r $(FIGURES)` to begin anew.
-validate: setup ## measure exactness, synthetic blends, captures (hours); write docs/validation.md
+validate: setup ## measure exactness, blends, captures, photographs (hours); write docs/validation.md
 	$(BIN)/python scripts/measure/forward_model.py --data $(DATA)/envmaps/latlong --cache $(FIGURES)/forward --json $(FIGURES)/forward_model.json
 	$(BIN)/python scripts/measure/exactness.py --captures $(CAPTURES) --json $(FIGURES)/exactness.json
 	$(BIN)/python scripts/measure/two_of_four.py --data $(DATA) --json $(FIGURES)/two_of_four.json
@@ -78,6 +78,7 @@ validate: setup ## measure exactness, synthetic blends, captures (hours); write 
 	$(BIN)/python scripts/measure/captures.py --captures $(CAPTURES) --json $(FIGURES)/captures.json
 	$(BIN)/python scripts/measure/planning.py --json $(FIGURES)/planning.json
 	$(BIN)/python scripts/measure/confidence.py --data $(DATA) --captures $(CAPTURES) --json $(FIGURES)/confidence.json
+	$(BIN)/python scripts/measure/photographs.py --data $(DATA) --ablations --cameras jpeg linear16 --picture docs/photographs.jpg --json $(FIGURES)/photographs.json
 	$(BIN)/python scripts/measure/page.py --figures $(FIGURES) --page docs/validation.md
 
 # Finished parts are kept in target/reproduction; `rm -r` it to begin anew.

@@ -22,11 +22,6 @@ pixels of the photographs, test/ is rendered and `swatchwork evaluate` compares 
 from __future__ import annotations
 
 import argparse
-import ctypes
-import ctypes.util
-import importlib
-import importlib.util
-import os
 import sys
 import time
 from dataclasses import dataclass, replace
@@ -35,6 +30,7 @@ from typing import Any
 
 import numpy as np
 import shared
+from studio import llvm
 
 from swatchwork.capture import Camera, Capture, read_capture, read_photograph, write_exr
 from swatchwork.errors import InputError
@@ -43,8 +39,6 @@ from swatchwork.observe import Lights
 from swatchwork.surface import Mesh, parametrised, read_mesh
 
 STARTED = time.perf_counter()
-LLVM_VERSIONS = range(23, 16, -1)
-"""With older ones Mitsuba 3.9 aborts."""
 CONVERGED = 0.01
 """Relative gain of the misfit in doubling the time below which the fit has converged."""
 MISFIT_DRAWS = 16
@@ -53,37 +47,7 @@ CHANNELS = {"base_color": 3, "roughness": 1, "metallic": 1}
 COARSEST = 32
 
 
-def find_llvm() -> str:
-    """A name by which the loader finds LLVM.
-
-    Raises:
-        SystemExit: there is none that will do.
-    """
-    if given := os.environ.get("DRJIT_LIBLLVM_PATH"):
-        return given
-    for version in LLVM_VERSIONS:
-        names = (
-            f"libLLVM.so.{version}.1",
-            f"libLLVM-{version}.so",
-            ctypes.util.find_library(f"LLVM-{version}"),
-        )
-        for name in filter(None, names):
-            try:
-                ctypes.CDLL(name)
-            except OSError:
-                continue
-            return name
-    raise SystemExit(
-        "Mitsuba needs LLVM 17 or newer and none was found: install it (Debian, Ubuntu: apt install "
-        "libllvm19), or set DRJIT_LIBLLVM_PATH to a libLLVM.so"
-    )
-
-
-if importlib.util.find_spec("mitsuba") is None:
-    raise SystemExit("Mitsuba 3 is not installed: pip install 'mitsuba>=3.9'")
-os.environ["DRJIT_LIBLLVM_PATH"] = find_llvm()
-dr, mi = importlib.import_module("drjit"), importlib.import_module("mitsuba")
-mi.set_variant("llvm_ad_rgb")
+dr, mi = llvm.start("llvm_ad_rgb")
 
 
 @dataclass(frozen=True)
@@ -104,15 +68,6 @@ class Schedule:
 
 
 # ---- the scene -----------------------------------------------------------------------------------
-def raster(light: Environment) -> np.ndarray:
-    """The light in Mitsuba's layout and axes: rows from pole to pole, centres of columns at +0.5."""
-    height = light.radiance.shape[0] + 1
-    v = np.arange(height)[:, None] / (height - 1) * np.pi
-    u = (np.arange(2 * height - 2) + 0.5) / (2 * height - 2) * 2 * np.pi
-    d = np.broadcast_arrays(np.sin(v) * np.sin(u), np.cos(v), -np.sin(v) * np.cos(u))
-    return light.lookup(np.stack(d, axis=-1)).astype(np.float32)
-
-
 def light_of(capture: Capture) -> Environment:
     groups = list(Lights.of_capture(capture).groups())
     if len(groups) != 1:
@@ -127,21 +82,9 @@ class Scene:
     def __init__(
         self, mesh: Mesh, light: Environment, textures: dict[str, np.ndarray], specular: float
     ) -> None:
-        def texture(values: np.ndarray) -> dict[str, Any]:
-            return {"type": "bitmap", "bitmap": mi.Bitmap(values), "raw": True, "format": "variant"}
-
-        images = {name: texture(values) for name, values in textures.items()}
-        properties = mi.Properties()
-        properties["bsdf"] = mi.load_dict({"type": "principled", "specular": specular, **images})
-        of_vertices = {"has_vertex_normals": True, "has_vertex_texcoords": True}
-        shape = mi.Mesh("object", len(mesh.vertices), len(mesh.faces), props=properties, **of_vertices)
-        arrays = mi.traverse(shape)
-        arrays["vertex_positions"] = mesh.vertices.astype(np.float32).ravel()
-        arrays["vertex_normals"] = mesh.normals.astype(np.float32).ravel()
-        arrays["vertex_texcoords"] = mesh.uv.astype(np.float32).ravel()
-        arrays["faces"] = mesh.faces.astype(np.uint32).ravel()
-        arrays.update()
-        sky = {"type": "envmap", "bitmap": mi.Bitmap(raster(light))}
+        images = {name: llvm.bitmap(mi, values) for name, values in textures.items()}
+        shape = llvm.textured_mesh(mi, mesh, {"type": "principled", "specular": specular, **images})
+        sky = {"type": "envmap", "bitmap": mi.Bitmap(llvm.raster(light))}
         self.scene = mi.load_dict({"type": "scene", "object": shape, "light": sky})
         self.params = mi.traverse(self.scene)
         self.names = {

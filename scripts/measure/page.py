@@ -4,8 +4,8 @@
 
     python scripts/measure/page.py --figures target/validation --page docs/validation.md
 
-Reads forward_model.json, exactness.json, two_of_four*.json, shadows.json, captures.json, planning.json and
-confidence.json, whichever are there. Every verdict is computed from
+Reads forward_model.json, exactness.json, two_of_four*.json, shadows.json, captures.json, planning.json,
+confidence.json and photographs.json, whichever are there. Every verdict is computed from
 them against the bounds below; the page names the command and the commit of each figure.
 """
 
@@ -19,6 +19,7 @@ from typing import Any
 import captures
 import confidence
 import exactness
+import photographs_page
 import planning
 import results
 import shadows
@@ -271,6 +272,10 @@ SECTIONS: dict[str, tuple[str, Callable[[Figures], str]]] = {
     "captures": ("Captures of measured materials", captures_section),
     "planning": ("Planned views", planning_section),
     "confidence": ("Expected errors", confidence_section),
+    "photographs": (
+        "From photographs",
+        lambda figures: f"{source(figures)}\n\n{photographs_page.section(figures)}",
+    ),
 }
 HEAD = """# Validation
 
