@@ -156,6 +156,25 @@ def test_raw_to_radiance_with_missing_pixels(tmp_path: Path) -> None:
     assert (channels["clipped.G"][:, 48:] == 1).all() and (channels["clipped.R"] == 0).all()
 
 
+@pytest.mark.parametrize("colour", ["srgb", "camera"])
+def test_what_is_said_of_saturated_raw_is_true(colour: str, tmp_path: Path) -> None:
+    """Of the camera's own channels a reading is at most the light; the matrix takes that away."""
+    light, file = np.array([0.5, 1.2, 0.3]), tmp_path / "a.dng"
+    write_dng(file, mosaic_of(patches(tuple(light))))
+    words = [str(file), "-o", str(tmp_path / "out"), "--white-balance", "1,1,1", "--colour", colour, "-q"]
+    assert main(["prepare", "linearize", *words]) == 0
+    if colour == "srgb":
+        light = light @ camera_matrix()[1].T
+    excess = read_image(tmp_path / "out/a.exr").linear[24, 24] - np.maximum(light, 0)
+    said = json.loads((tmp_path / "out/linearize.json").read_text(encoding="utf-8"))["clipped"]
+    assert said.startswith("of the camera's own red, green and blue")
+    # Half floats have a step of 0.05 %.
+    if colour == "srgb":
+        assert excess.max() > 0.05 and "can read more light than there was" in said
+    else:
+        assert excess.max() < 1e-3 and excess.min() < -0.1 and "no more light than there was" in said
+
+
 def test_raw_brackets_merge_to_what_was_there(tmp_path: Path) -> None:
     """Radiances over 2000:1, which no exposure holds; each patch to 0.2 %, or two steps of its mosaic."""
     radiance = [(r, 0.8 * r, 0.6 * r) for r in (0.004, 0.05, 0.4, 3.0, 8.0)]
@@ -177,6 +196,30 @@ def test_raw_brackets_merge_to_what_was_there(tmp_path: Path) -> None:
     assert view.residual is not None and view.residual < 0.02
     assert [round(s, 2) for s in view.steps] == [1, 1, 1]
     assert list(view.saturated) == sorted(view.saturated)
+
+
+def test_a_white_balance_serves_the_probe_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The camera stores another white balance with the ball; the same light must read the same."""
+    mosaic = mosaic_of(patches((0.2, 0.4, 0.2), (0.3, 0.1, 0.05)))
+    for name, neutral in (("view", (0.5, 1.0, 0.625)), ("ball", (0.8, 1.0, 0.4))):
+        write_dng(tmp_path / f"{name}.dng", mosaic, neutral=neutral)
+
+    def linearized(name: str, white_balance: str) -> tuple[np.ndarray, dict]:
+        words = [str(tmp_path / f"{name}.dng"), "-o", str(tmp_path / name), "--white-balance", white_balance]
+        assert main(["prepare", "linearize", *words, "--json"]) == 0
+        return read_image(tmp_path / name / f"{name}.exr").linear, json.loads(capsys.readouterr().out)
+
+    view, said = linearized("view", "camera")
+    np.testing.assert_allclose(said["white_balance"], (2, 1, 1.6), rtol=1e-3)
+    (warning,) = said["warnings"]
+    file = tmp_path / "view/linearize.json"
+    assert "stored in view.dng" in warning and f"--white-balance {file} to that for the light" in warning
+    other, _ = linearized("ball", "camera")
+    assert np.abs(other - view).max() > 0.2
+    ball, said = linearized("ball", str(file))
+    assert said["warnings"] == []
+    # The same multipliers to the last digit: LibRaw's arithmetic is then the same.
+    np.testing.assert_array_equal(ball, view)
 
 
 def scene(seed: int = 0) -> np.ndarray:
@@ -369,6 +412,10 @@ def test_real_brackets_agree_and_tell_wrong_exif(shared: Path, tmp_path: Path) -
         (["IN", "--groups", "STRANGE"], '"z.jpg" is none of the photographs'),
         (["IN", "--groups", "CLIMBS"], "names a view"),
         (["IN", "--white-balance", "1,2"], "--white-balance is '1,2'"),
+        (["IN", "--white-balance", "auto"], "R,G,B such as 2.1,1,1.4, or a linearize.json"),
+        (["IN", "--white-balance", "none.json"], "none.json: cannot be read"),
+        (["IN", "--white-balance", "BAD"], "holds no white balance"),
+        (["IN", "--white-balance", "GREENLESS"], "the white balance is (1.0, 0.0, 2.0)"),
         (["IN", "--reference", "1/0,100,8"], "--reference is '1/0,100,8'"),
         (["PLAIN", "--response", "srgb"], "its EXIF does not say time or iso or aperture"),
         (["IN", "RAW"], "both RAW"),
@@ -421,6 +468,7 @@ def _bad_inputs(at: Path) -> dict[str, Path]:
         "twice.json": '{"v": ["a0.jpg", "a0.jpg"]}',
         "few.json": '{"v": ["a0.jpg"]}',
         "strange.json": '{"v": ["z.jpg"]}',
+        "greenless.json": '{"raw": {"white_balance": [1, 0, 2]}}',
         "climbs.json": '{"../v": ["a0.jpg"]}',
         "pair.json": '{"v": ["a0.jpg", "a1.jpg", "a2.jpg", "a3.jpg", "odd.jpg"]}',
         "notes.txt": "none",
@@ -430,7 +478,8 @@ def _bad_inputs(at: Path) -> dict[str, Path]:
     named = {"EMPTY": "empty", "IN": "in", "PLAIN": "plain.png", "RAW": "r.dng", "TRUNCATED": "cut.dng"}
     named |= {"TEXT": "notes.txt", "ODD": "odd.jpg", "CUT": "cut", "SAME": "same", "HEADLESS": "headless.csv"}
     named |= {
-        key.upper(): f"{key}.json" for key in ("bad", "negative", "twice", "few", "strange", "climbs", "pair")
+        key.upper(): f"{key}.json"
+        for key in ("bad", "negative", "twice", "few", "strange", "climbs", "pair", "greenless")
     }
     return {key: at / name for key, name in named.items()}
 

@@ -20,6 +20,7 @@ import numpy as np
 
 from ..arrays import F32, F64, Bool
 from ..errors import InputError
+from .white_balance import WhiteBalance
 
 # fmt: off
 RAW_SUFFIXES = (
@@ -27,10 +28,6 @@ RAW_SUFFIXES = (
     ".orf", ".rw2", ".pef", ".srw", ".3fr", ".iiq", ".kdc", ".mrw", ".rwl",
 )
 # fmt: on
-
-WhiteBalance = Literal["daylight", "camera"] | tuple[float, float, float]
-"""Multipliers of the camera's red, green and blue: its daylight ones (D65), those stored with the picture, or
-given ones."""
 
 Colour = Literal["srgb", "camera"]
 
