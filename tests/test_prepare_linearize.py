@@ -319,6 +319,39 @@ def test_photographs_and_probe_come_out_on_one_scale(
     assert np.median(ratio) == pytest.approx(1, abs=0.01) and np.abs(np.log(ratio)).mean() < 0.03
 
 
+def test_a_rerun_leaves_no_views_of_the_run_before(tmp_path: Path) -> None:
+    files = write_bracket(tmp_path / "in", scene(), 2.2, "jpg")
+    out = tmp_path / "out"
+    outside = tmp_path / "outside.exr"
+    run = ["prepare", "linearize", "-o", str(out), "-q"]
+    assert main([*run, *map(str, files), "--response", "srgb"]) == 0
+    listed = out / "linearize.json"
+    before = json.loads(listed.read_text(encoding="utf-8"))
+    assert {view["file"] for view in before["views"]} == {f"a{i}.exr" for i in range(4)}
+    # Not ours: a file that no list names, and what a doctored list would have us remove.
+    for other in (out / "mine.exr", outside, out / "notes.txt"):
+        other.write_text("mine", encoding="utf-8")
+    before["views"] += [
+        {"file": name} for name in ("../outside.exr", str(outside), "notes.txt", "..", ".exr")
+    ]
+    listed.write_text(json.dumps(before), encoding="utf-8")
+    # A run that fails changes nothing.
+    assert main([*run, str(files[1]), "--response", "none.json"]) == 2
+    assert (out / "a0.exr").is_file() and listed.is_file()
+    assert main([*run, *map(str, files[1:3]), "--response", "srgb"]) == 0
+    kept = {"a1.exr", "a2.exr", "linearize.json", "contact-sheet.png", "response.svg"}
+    assert {f.name for f in out.iterdir()} == kept | {"mine.exr", "notes.txt"} and outside.is_file()
+    # From JPEG to RAW there is no response any more; a damaged list removes nothing.
+    raw = tmp_path / "r.dng"
+    write_dng(raw, mosaic_of(patches((0.2, 0.2, 0.2))))
+    assert main([*run, str(raw)]) == 0
+    kept = {"r.exr", "linearize.json", "contact-sheet.png", "mine.exr", "notes.txt"}
+    assert {f.name for f in out.iterdir()} == kept
+    listed.write_text("{", encoding="utf-8")
+    assert main([*run, str(files[0]), "--response", "srgb"]) == 0
+    assert (out / "r.exr").is_file() and (out / "a0.exr").is_file()
+
+
 def test_merge_is_the_sum_of_signals_over_the_sum_of_exposures() -> None:
     """Against a plain loop, with saturated, dark and hopeless pixels."""
     rng = np.random.default_rng(2)

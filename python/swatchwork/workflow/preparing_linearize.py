@@ -19,12 +19,12 @@ import numpy as np
 
 from ..arrays import U8
 from ..capture import linear_from_srgb, write_png
-from ..errors import CaptureWarning, OutputError
+from ..errors import CaptureWarning
 from ..prepare import Linearized, LinearizeOptions, LinearView, linearize, photographs_in
 from ..prepare.linearize import DEFAULT
 from ..progress import SILENT, Progress
 from ..report import curve_plot, display, exposure_for
-from .together import files_together
+from .together import files_together, write_text
 
 MISSING_COLOUR = (235, 60, 200)
 """Of saturated pixels on the contact sheet: nothing photographed looks like it."""
@@ -86,7 +86,8 @@ def linearize_photographs(
 
     Args:
         places: photographs, and folders of them.
-        output: a folder; files of these names in it are replaced, linearize.json last: it lists its own.
+        output: a folder; files of these names in it are replaced, linearize.json last: it lists its own. What
+            an older linearize.json lists, and this run does not write, is removed.
 
     Raises:
         InputError: as `swatchwork.prepare.linearize`.
@@ -95,12 +96,12 @@ def linearize_photographs(
     start = time.perf_counter()
     files = photographs_in([Path(place) for place in places])
     folder = Path(output)
-    with files_together(folder, "linearize.json") as made:
+    with files_together(folder, "linearize.json", _written_with) as made:
         found = linearize(files, made, options, progress)
-        _write_text(made / "linearize.json", json.dumps(described(found), indent=1, allow_nan=False) + "\n")
+        write_text(made / "linearize.json", json.dumps(described(found), indent=1, allow_nan=False) + "\n")
         write_png(made / "contact-sheet.png", contact_sheet(found.views))
         if found.response is not None:
-            _write_text(made / "response.svg", _response_plot(found))
+            write_text(made / "response.svg", _response_plot(found))
     if found.raw is not None and options.white_balance == "camera":
         warnings.warn(
             f"the white balance ({_numbers(found.raw.white_balance)}) is what the camera stored in "
@@ -203,12 +204,16 @@ def _response_plot(found: Linearized) -> str:
     return str(curve_plot(curves, x_label="code of 255", y_label="light", alone=True))
 
 
+def _written_with(file: Path) -> list[str]:
+    """The files that a linearize.json says were written with it; none of one that is damaged."""
+    try:
+        document = json.loads(file.read_text(encoding="utf-8"))
+        views = [str(view["file"]) for view in document["views"]]
+        plots = ["response.svg"] if document["response"] is not None else []
+    except (OSError, ValueError, KeyError, TypeError):
+        return []
+    return [name for name in views if name.endswith(".exr")] + plots
+
+
 def _numbers(multipliers: tuple[float, float, float]) -> str:
     return ", ".join(f"{m:.4g}" for m in multipliers)
-
-
-def _write_text(file: Path, text: str) -> None:
-    try:
-        file.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise OutputError(f"{file}: cannot be written ({error.strerror})") from error
