@@ -15,6 +15,8 @@ from swatchwork.prepare import REFERENCE, Exposure
 BLACK, WHITE = 512, 15000
 CAM_FROM_XYZ = np.array([[0.9, -0.2, -0.1], [-0.4, 1.2, 0.2], [-0.1, 0.2, 0.7]])
 """Of a camera much like others."""
+RGGB = ("RG", "GB")
+X_TRANS = ("GGRGGB", "GGBGGR", "BRGRBG", "GGBGGR", "GGRGGB", "RBGBRG")
 SIZES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 10: 8}
 
 
@@ -26,8 +28,9 @@ def write_dng(
     black: int = BLACK,
     matrix: np.ndarray = CAM_FROM_XYZ,
     neutral: tuple[float, float, float] = (0.5, 1.0, 0.625),
+    pattern: tuple[str, ...] = RGGB,
 ) -> None:
-    """A little-endian, uncompressed DNG 1.4 of an RGGB mosaic uint16 [H, W], and its EXIF."""
+    """A little-endian, uncompressed DNG 1.4 of a mosaic uint16 [H, W], and its EXIF."""
 
     def short(*v: int) -> bytes:
         return struct.pack(f"<{len(v)}H", *v)
@@ -54,8 +57,8 @@ def write_dng(
         278: (4, long(height)),
         279: (4, long(2 * mosaic.size)),
         284: (3, short(1)),
-        33421: (3, short(2, 2)),
-        33422: (1, bytes([0, 1, 1, 2])),
+        33421: (3, short(len(pattern), len(pattern[0]))),
+        33422: (1, bytes("RGB".index(colour) for row in pattern for colour in row)),
         34665: (4, long(0)),
         50706: (1, bytes([1, 4, 0, 0])),
         50708: (2, b"Swatchwork Synthetic\0"),
@@ -92,10 +95,13 @@ def write_dng(
     file.write_bytes(header + directory(entries, 8) + directory(exif, second) + data)
 
 
-def mosaic_of(colour: np.ndarray, black: int = BLACK) -> np.ndarray:
-    """uint16 [H, W]: shares of full scale [H, W, 3] through an RGGB filter, cut at the white level."""
-    plane = colour[..., 1].copy()
-    plane[::2, ::2], plane[1::2, 1::2] = colour[::2, ::2, 0], colour[1::2, 1::2, 2]
+def mosaic_of(colour: np.ndarray, black: int = BLACK, pattern: tuple[str, ...] = RGGB) -> np.ndarray:
+    """uint16 [H, W]: shares of full scale [H, W, 3] through a filter, cut at the white level."""
+    plane = np.empty(colour.shape[:2])
+    for i, row in enumerate(pattern):
+        for j, name in enumerate(row):
+            at = np.s_[i :: len(pattern), j :: len(row)]
+            plane[at] = colour[..., "RGB".index(name)][at]
     return np.minimum(np.round(black + plane * (WHITE - black)), WHITE).astype(np.uint16)
 
 

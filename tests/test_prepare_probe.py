@@ -264,8 +264,19 @@ def test_clipped_lamps_are_flagged_with_a_bound(shot: Shot) -> None:
     share = (1 - LAMP_COS[bright]).sum() / 2
     # A pixel of the lamps' edges is not clipped, or is in part.
     assert probe.clipped_share == pytest.approx(share, rel=0.1)
-    lost = (LAMP_RADIANCE[bright] * (2 * np.pi * (1 - LAMP_COS[bright]))[:, None]).sum(axis=0)
-    assert (probe.clipped_irradiance < lost).all()
+    area = 2 * np.pi * (1 - LAMP_COS[bright])
+    true = (LAMP_RADIANCE[bright] * area[:, None]).sum(axis=0)
+    read = (np.minimum(LAMP_RADIANCE[bright], level) * area[:, None]).sum(axis=0)
+    # A bound, and all that the photograph says: what the lamps read over their area, to the 10 % of their
+    # edges as above.
+    assert (probe.clipped_scalar_irradiance < true).all()
+    np.testing.assert_allclose(probe.clipped_scalar_irradiance, read, rtol=0.1)
+    whole = (probe.environment.radiance * probe.environment.solid_angles[..., None]).sum(axis=(0, 1))
+    np.testing.assert_allclose(probe.scalar_irradiance, whole, rtol=1e-5)
+    exact = truth(probe.environment)
+    away = (exact * probe.environment.solid_angles[..., None]).sum(axis=(0, 1)) - whole
+    # What is lost over the whole map is what the bound is short of; 5 % of it for edges and the blind cone.
+    np.testing.assert_allclose(away, true - probe.clipped_scalar_irradiance, rtol=0.05, atol=0.05)
 
 
 def run(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> tuple[int, str, str]:
@@ -307,6 +318,9 @@ def test_command(shot: Shot, other: Shot, tmp_path: Path, capsys: pytest.Capture
     # Two lamps, 0.9 % of the sphere, were clipped in the first view, and seen whole in the second. What is
     # left is the edge of another lamp, which is at the second view's rim.
     assert 0 <= summary["clipped_share"] < 0.003
+    # Radiances of about 1 over 4 pi, and lamps on top.
+    assert 4 * np.pi < summary["scalar_irradiance"][1] < 8 * np.pi and "irradiance" not in summary
+    assert max(summary["clipped_scalar_irradiance_as_read"]) < 0.1 * summary["scalar_irradiance"][1]
     environment = Environment(read_image(tmp_path / "out/probe.exr").linear, "blender")
     assert degrees_between(lamps_of(environment), LAMPS).max() < 0.4
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [

@@ -58,7 +58,8 @@ def linearize(
     white_balance: Annotated[
         str,
         typer.Option(
-            metavar="R,G,B", help="Of RAW: daylight, camera (of the first photograph), or three multipliers."
+            metavar="R,G,B",
+            help="Of RAW: daylight, camera (of the first photograph), multipliers, or a linearize.json.",
         ),
     ] = "daylight",
     colour: Annotated[Colours, typer.Option(help="Of RAW: primaries of the EXRs.")] = Colours.srgb,
@@ -85,7 +86,9 @@ def linearize(
 
     swatchwork prepare linearize card/ball -o ball --per-view 7 --response linear/linearize.json
 
-    swatchwork prepare linearize card/*.NEF -o linear --white-balance 2.1,1,1.4
+    swatchwork prepare linearize card/*.NEF -o linear --white-balance camera
+
+    swatchwork prepare linearize card/ball/*.NEF -o ball --white-balance linear/linearize.json
     """
     from ..prepare import LinearizeOptions
     from ..workflow import linearize_photographs
@@ -110,7 +113,12 @@ def _white_balance(text: str) -> WhiteBalance:
         return "daylight"
     if text == "camera":
         return "camera"
-    r, g, b = _three(text, "--white-balance", "daylight, camera, or R,G,B such as 2.1,1,1.4")
+    if text.lower().endswith(".json"):
+        from ..prepare import earlier_white_balance
+
+        return earlier_white_balance(Path(text))
+    expected = "daylight, camera, R,G,B such as 2.1,1,1.4, or a linearize.json"
+    r, g, b = _three(text, "--white-balance", expected)
     return r, g, b
 
 

@@ -6,9 +6,10 @@ from .boards import Board, Charuco, Checkerboard, Sighting, find_board
 from .calibrate import Calibration, calibrate
 from .exposure import REFERENCE, Exposure, exposures_of
 from .linearize import Linearized, LinearizeOptions, LinearView, linearize
-from .raw import Colour, WhiteBalance
+from .raw import Colour
 from .response_curve import Response, given_response, recover_response
 from .views import photographs_in, views_of
+from .white_balance import WhiteBalance, earlier_white_balance
 
 __all__ = [
     "REFERENCE",
@@ -25,6 +26,7 @@ __all__ = [
     "Sighting",
     "WhiteBalance",
     "calibrate",
+    "earlier_white_balance",
     "exposures_of",
     "find_board",
     "given_response",

@@ -46,9 +46,9 @@ class Merged:
     Attributes:
         radiance: F32[H, W, 3]; 0 where missing.
         missing: Bool[H, W], some channel is saturated even in the shortest exposure.
-        clipped: Bool[H, W, 3], which channels that are.
-        least: F32[H, W, 3], what the shortest exposure reads where missing. Of RAW it is after the
-            colour matrix, which can be more than the light of a channel.
+        clipped: Bool[H, W, 3], which channels that are, before any colour matrix.
+        least: F32[H, W, 3], what the shortest exposure reads where missing. In the camera's own channels that
+            is no more than the light; a colour matrix, which subtracts channels, can make it more.
         saturated: share of pixels with a saturated channel, of each photograph, shortest first.
         residual: rms of log radiance about its mean, between photographs of the same pixel; None of one.
         steps: of each photograph and the next, the median of their radiances' ratio; 1 where exposures are as

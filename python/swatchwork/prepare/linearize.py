@@ -20,10 +20,11 @@ from ..errors import CaptureWarning, InputError
 from ..progress import SILENT, Progress
 from .brackets import Merged, merge
 from .exposure import REFERENCE, Exposure, exposures_of
-from .raw import RAW_SUFFIXES, Colour, WhiteBalance
+from .raw import RAW_SUFFIXES, Colour
 from .response_curve import Response, given_response
 from .shots import CodedShots, RawSettings, RawShots, recovered_from, shots_of
 from .views import views_of
+from .white_balance import WhiteBalance
 
 WRONG_STEP = 1.2
 """Factor between photographs of a view, after their exposures, worth a warning: shutters keep to 5 %."""
@@ -96,8 +97,8 @@ def linearize(
 ) -> Linearized:
     """Write ``folder/VIEW.exr`` of each view: radiance in units of `LinearizeOptions.reference`'s full scale.
 
-    Channels R, G, B and clipped.R, .G, .B: 1 where that channel is saturated in every exposure, and R, G, B
-    are what the shortest one reads. `read_image` takes such pixels for missing.
+    Channels R, G, B and clipped.R, .G, .B: 1 where that channel of the camera is saturated in every exposure,
+    and R, G, B are what the shortest one reads (`Merged.least`). `read_image` takes such pixels for missing.
 
     Args:
         files: all RAW, or all JPEG and PNG.

@@ -50,8 +50,9 @@ class Probe:
         clipped: F32[H, W], share of a texel that is clipped in the views it comes from.
         unseen_sr: solid angle that was filled in.
         clipped_share: share of the sphere's solid angle that is clipped.
-        clipped_irradiance: F64[3], integral of the clipped texels' radiance; in truth it is at least that.
-        irradiance: F64[3], integral of the whole map.
+        scalar_irradiance: F64[3], integral of radiance over all directions, without a cosine.
+        clipped_scalar_irradiance: F64[3], the clipped texels' part of it as read. In truth it is at least
+            that where a clipped channel reads no more than its light (RAW through a colour matrix can).
         world_from_cameras: F64[V, 3, 3].
         agreements: of the second view and on with the first.
         rerendered: RMS difference of the map seen on the ball and each photograph, over the photograph's.
@@ -62,8 +63,8 @@ class Probe:
     clipped: F32
     unseen_sr: float
     clipped_share: float
-    clipped_irradiance: F64
-    irradiance: F64
+    scalar_irradiance: F64
+    clipped_scalar_irradiance: F64
     world_from_cameras: F64
     agreements: tuple[Agreement, ...]
     rerendered: tuple[float, ...]
@@ -117,8 +118,8 @@ def probe_of_views(
         clipped,
         float(area[unseen].sum()),
         float((area * clipped).sum() / (4 * np.pi)),
-        np.asarray(((area * clipped)[..., None] * filled).sum(axis=(0, 1))),
         np.asarray((area[..., None] * filled).sum(axis=(0, 1))),
+        np.asarray(((area * clipped)[..., None] * filled).sum(axis=(0, 1))),
         turns,
         tuple(_agreement(maps[0], m, area, c) for m, c in zip(maps[1:], correlations, strict=True)),
         tuple(

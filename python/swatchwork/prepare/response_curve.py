@@ -8,7 +8,6 @@ so that the camera's own white balance stays. Photographs and light probe must b
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,6 +20,7 @@ import numpy as np
 from ..arrays import F32, F64, U8
 from ..capture import linear_from_srgb
 from ..errors import InputError
+from .earlier import from_earlier
 
 SAMPLES = 256
 SMALLEST_PX = 32
@@ -148,16 +148,12 @@ def _at_the_middle(table: F64) -> F64:
 
 
 def _read(file: Path) -> Response:
-    expected = "srgb, gamma:2.2, or a linearize.json with a response"
-    try:
-        document: Any = json.loads(file.read_text(encoding="utf-8"))
+    def read(document: dict[str, Any]) -> tuple[F64, str]:
         entry = document["response"]
-        table = np.array(entry["samples"], dtype=np.float64)
-        name = str(entry["name"])
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror})", file=file, expected=expected) from error
-    except (ValueError, KeyError, TypeError) as error:
-        raise InputError("holds no response", file=file, expected=expected) from error
+        return np.array(entry["samples"], dtype=np.float64), str(entry["name"])
+
+    expected = "srgb, gamma:2.2, or a linearize.json with a response"
+    table, name = from_earlier(file, "response", expected, read)
     if table.shape != (256, 3) or not np.isfinite(table).all() or (np.diff(table, axis=0) < 0).any():
         raise InputError(
             f"the response has samples of shape {list(table.shape)}, or they fall",

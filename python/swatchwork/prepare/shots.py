@@ -16,9 +16,10 @@ from ..capture.images import read_coded
 from ..errors import InputError
 from .brackets import Shot
 from .exposure import Exposure
-from .raw import Colour, WhiteBalance, develop
+from .raw import Colour, develop
 from .response_curve import Response, recover_response
 from .views import Views
+from .white_balance import WhiteBalance
 
 CLIP_CODE, DARK_CODE = 250 / 255, 10 / 255
 """Codes of JPEG and PNG, as shares of the largest, from which a pixel counts as saturated, and below which as

@@ -7,7 +7,6 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -18,11 +17,12 @@ import numpy as np
 
 from ..arrays import F64, U8
 from ..capture import Camera, write_png
-from ..errors import InputError, OutputError
+from ..errors import InputError
 from ..prepare import Board, Calibration, calibrate
 from ..prepare.calibrate import SUFFIXES
 from ..progress import SILENT, Progress
 from ..report.pictures import PALETTE, rgb
+from .together import files_together, write_text
 
 PICTURE_PX = 1200
 ARROW_PX = 14.0
@@ -84,19 +84,9 @@ def calibrate_photographs(
     intrinsics, figures = intrinsics_of(found), figures_of(found)
     picture = file.with_name(f"{file.stem}.corners.png")
     text = json.dumps({"camera_model": "OPENCV", **intrinsics, "figures": figures}, indent=1, allow_nan=False)
-    partial, drawn = (f.with_name(f.name + ".partial") for f in (file, picture))
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        partial.write_text(text + "\n", encoding="utf-8")
-        write_png(drawn, residual_picture(found))
-        drawn.replace(picture)
-        partial.replace(file)
-    except OSError as error:
-        raise OutputError(f"{file}: cannot be written ({error.strerror})") from error
-    finally:
-        for left in (partial, drawn):
-            with suppress(OSError):
-                left.unlink(missing_ok=True)
+    with files_together(file.parent, file.name) as made:
+        write_text(made / file.name, text + "\n")
+        write_png(made / picture.name, residual_picture(found))
     return CalibrateSummary(str(file), str(picture), intrinsics, figures, time.perf_counter() - start)
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 import json
 import math
 import time
+import warnings
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from os import PathLike
@@ -18,15 +19,23 @@ import numpy as np
 
 from ..arrays import U8
 from ..capture import linear_from_srgb, write_png
-from ..errors import OutputError
+from ..errors import CaptureWarning
 from ..prepare import Linearized, LinearizeOptions, LinearView, linearize, photographs_in
 from ..prepare.linearize import DEFAULT
 from ..progress import SILENT, Progress
 from ..report import curve_plot, display, exposure_for
-from .together import files_together
+from .together import files_together, write_text
 
 MISSING_COLOUR = (235, 60, 200)
 """Of saturated pixels on the contact sheet: nothing photographed looks like it."""
+CLIPPED = (
+    "of the camera's own red, green and blue, whether it is saturated in every exposure; R, G, B then hold "
+    "what the shortest one reads, which is "
+)
+UNMIXED = "no more light than there was"
+MIXED = (
+    "through srgb_from_camera, whose negative entries mean that a colour can read more light than there was"
+)
 COLUMNS, CELL_PX, CAPTION_PX = 5, 244, 22
 
 
@@ -39,6 +48,8 @@ class LinearizeSummary:
     photographs: int
     response: str | None
     """None of RAW."""
+    white_balance: tuple[float, float, float] | None
+    """Multipliers of RAW, green 1; None of JPEG."""
     residual: float | None
     """Rms of log radiance between photographs of the same pixel, over all views; None without brackets."""
     worst_step: float | None
@@ -59,6 +70,8 @@ class LinearizeSummary:
             if self.worst_step is not None:
                 text += f", to {100 * abs(self.worst_step - 1):.1f} % on the whole"
             text += "; "
+        if self.white_balance is not None:
+            text += f"white balance {_numbers(self.white_balance)}; "
         text += f"{100 * self.missing:.2f} % of pixels saturated; contact-sheet.png shows them"
         return f"{text} ({self.seconds:.0f} s)"
 
@@ -73,7 +86,8 @@ def linearize_photographs(
 
     Args:
         places: photographs, and folders of them.
-        output: a folder; files of these names in it are replaced, linearize.json last: it lists its own.
+        output: a folder; files of these names in it are replaced, linearize.json last: it lists its own. What
+            an older linearize.json lists, and this run does not write, is removed.
 
     Raises:
         InputError: as `swatchwork.prepare.linearize`.
@@ -82,12 +96,20 @@ def linearize_photographs(
     start = time.perf_counter()
     files = photographs_in([Path(place) for place in places])
     folder = Path(output)
-    with files_together(folder, "linearize.json") as made:
+    with files_together(folder, "linearize.json", _written_with) as made:
         found = linearize(files, made, options, progress)
-        _write_text(made / "linearize.json", json.dumps(described(found), indent=1, allow_nan=False) + "\n")
+        write_text(made / "linearize.json", json.dumps(described(found), indent=1, allow_nan=False) + "\n")
         write_png(made / "contact-sheet.png", contact_sheet(found.views))
         if found.response is not None:
-            _write_text(made / "response.svg", _response_plot(found))
+            write_text(made / "response.svg", _response_plot(found))
+    if found.raw is not None and options.white_balance == "camera":
+        warnings.warn(
+            f"the white balance ({_numbers(found.raw.white_balance)}) is what the camera stored in "
+            f"{found.views[0].files[0].name}, and may be another one for the next run: give --white-balance "
+            f"{folder / 'linearize.json'} to that for the light probe",
+            CaptureWarning,
+            stacklevel=2,
+        )
     residuals = [v.residual for v in found.views if v.residual is not None]
     steps = [s for v in found.views for s in v.steps if math.isfinite(s)]
     pixels = np.array([v.size[0] * v.size[1] for v in found.views], dtype=np.float64)
@@ -96,6 +118,7 @@ def linearize_photographs(
         len(found.views),
         len(files),
         found.response.name if found.response is not None else None,
+        found.raw.white_balance if found.raw is not None else None,
         float(np.sqrt(np.mean(np.square(residuals)))) if residuals else None,
         max(steps, key=lambda s: abs(math.log(s))) if steps else None,
         float(np.dot(pixels, [v.missing for v in found.views]) / pixels.sum()),
@@ -109,6 +132,7 @@ def described(found: Linearized) -> dict[str, Any]:
     return {
         "unit": "radiance 1 brings a photograph of the reference exposure to full scale",
         "reference": found.reference.as_dict(),
+        "clipped": CLIPPED + (MIXED if raw is not None and raw.matrix is not None else UNMIXED),
         "colours": "linear sRGB (Rec. 709 primaries, D65 white)"
         if raw is None or raw.matrix is not None
         else "the camera's own primaries, white-balanced",
@@ -180,8 +204,16 @@ def _response_plot(found: Linearized) -> str:
     return str(curve_plot(curves, x_label="code of 255", y_label="light", alone=True))
 
 
-def _write_text(file: Path, text: str) -> None:
+def _written_with(file: Path) -> list[str]:
+    """The files that a linearize.json says were written with it; none of one that is damaged."""
     try:
-        file.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise OutputError(f"{file}: cannot be written ({error.strerror})") from error
+        document = json.loads(file.read_text(encoding="utf-8"))
+        views = [str(view["file"]) for view in document["views"]]
+        plots = ["response.svg"] if document["response"] is not None else []
+    except (OSError, ValueError, KeyError, TypeError):
+        return []
+    return [name for name in views if name.endswith(".exr")] + plots
+
+
+def _numbers(multipliers: tuple[float, float, float]) -> str:
+    return ", ".join(f"{m:.4g}" for m in multipliers)

@@ -34,7 +34,7 @@ from ..report import Sheet, write_sheet
 from .lighting import light_capture
 from .preparing_calibrate import read_intrinsics
 from .probe_page import probe_sheet
-from .together import files_together
+from .together import files_together, write_text
 
 ORTHOGRAPHIC = (
     "No focal length was given: the camera is taken as orthographic, which puts lamps off by up to about the "
@@ -62,8 +62,10 @@ class ProbeSummary:
     unseen_filled: str
     clipped_share: float
     """Share of the sphere's solid angle."""
-    clipped_irradiance_at_least: tuple[float, float, float]
-    irradiance: tuple[float, float, float]
+    scalar_irradiance: tuple[float, float, float]
+    """Integral of radiance over all directions, without a cosine."""
+    clipped_scalar_irradiance_as_read: tuple[float, float, float]
+    """Of what is clipped."""
     clipped_in_words: str
     seconds: float
 
@@ -352,8 +354,8 @@ def _summary(
         probe.unseen_sr,
         "means of its border weighted by 1 / angle^2" if probe.unseen_sr > 0 else "nothing to fill",
         probe.clipped_share,
-        _three(probe.clipped_irradiance),
-        _three(probe.irradiance),
+        _three(probe.scalar_irradiance),
+        _three(probe.clipped_scalar_irradiance),
         _clipped_in_words(probe),
         seconds,
     )
@@ -367,11 +369,12 @@ def _three(values: F64) -> tuple[float, float, float]:
 def _clipped_in_words(probe: Probe) -> str:
     if probe.clipped_share <= 0:
         return "No pixel of the ball is clipped."
-    share = probe.clipped_irradiance.sum() / max(probe.irradiance.sum(), 1e-300)
+    share = probe.clipped_scalar_irradiance.sum() / max(probe.scalar_irradiance.sum(), 1e-300)
     return (
         f"{100 * probe.clipped_share:.3g} % of the sphere is clipped, which holds {100 * share:.0f} % of the "
-        "map's energy as read: the true energy there is about so much or more; how much more cannot be told "
-        "without shorter exposures."
+        "map's scalar irradiance (integral of radiance over all directions) as read: in truth it is more, "
+        "how much more cannot be told without shorter exposures. Of RAW files taken to sRGB a single colour "
+        "can be less than read."
     )
 
 
@@ -380,6 +383,6 @@ def _write(folder: Path, probe: Probe, summary: ProbeSummary, sheet: Sheet) -> N
     with files_together(folder, "probe.exr") as made:
         write_sheet(made / "probe.html", sheet)
         text = json.dumps(summary.as_dict(), indent=2, allow_nan=False)
-        (made / "probe.json").write_text(text + "\n", encoding="utf-8")
+        write_text(made / "probe.json", text + "\n")
         write_exr_channels(made / "probe_masks.exr", {"unseen": probe.unseen, "clipped": probe.clipped})
         write_exr(made / "probe.exr", probe.environment.radiance)
