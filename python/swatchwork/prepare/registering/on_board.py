@@ -26,6 +26,8 @@ from swatchwork.progress import SILENT, Progress
 RIVAL = 1.5
 """A second pose whose rms is not that many times larger may be the true one (the plane tilted to the other
 side, of a board that is small in the picture)."""
+SAME_DEGREES = 0.1
+"""Poses that differ by less ended in the same minimum."""
 FLOOR_PX = 0.02
 """Added to the rms in that comparison: of exact corners, every ratio would be chance."""
 
