@@ -35,8 +35,8 @@ KNOWN = 1e-3
 """Least lambda: a surface that moves by 1 pixel moves its contours by 0.03, a tenth of a mask's error."""
 DAMPING = 1e-4
 PAIR_WEIGHT = 1.25e-3
-"""Of one pair against all contour points of a photograph: a click is off by 2 pixels, a mask by half of one, which is the
-same for neighbours: a contour is worth some fifty points."""
+"""Of one pair against all contour points of a photograph: a click is off by 2 pixels, a mask by half of one,
+which is the same for neighbours: a contour is worth some fifty points."""
 PAIR_PX = 4.0
 """Distance from which on a pair's robust weight falls."""
 SURFACE = 200

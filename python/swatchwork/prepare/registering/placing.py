@@ -70,7 +70,7 @@ def place_mesh(
         stand: F64[3], in the rig, where the object is roughly, such as the board's middle.
 
     Raises:
-        InputError: the pairs of the photograph with most of them fit no pose, or rig and mesh differ in scale.
+        InputError: the pairs of the photograph with most of them fit no pose; rig and mesh differ in scale.
     """
     by_name = {view.name: view for view in views}
     pairs = {name: of for name, of in pairs.items() if name in cameras_in_rig and len(of)}
@@ -170,16 +170,20 @@ def fitted(
         off = [posed[name].project(of.x_in_world)[0] - of.uv_px for name, of in pairs.items()]
         return np.nan_to_num(np.concatenate(off), nan=FAR_PX)
 
+    def residuals(step: F64) -> F64:
+        return misses(step).ravel()
+
+    def near_residuals(step: F64) -> F64:
+        return misses(step)[near].ravel()
+
     tolerance = max(default_tolerance_px(cameras_in_rig[name]) for name in pairs)
     best = np.zeros(7 if scaled else 6)
     # A wide loss first: cameras far from the one with most pairs may be far off.
     for loss_px in (16 * tolerance, tolerance):
-        best = scipy.optimize.least_squares(
-            lambda step: misses(step).ravel(), best, loss="cauchy", f_scale=loss_px
-        ).x
+        best = scipy.optimize.least_squares(residuals, best, loss="cauchy", f_scale=loss_px).x
     near = np.hypot(*misses(best).T) < tolerance
     if near.sum() >= FEWEST:
-        best = scipy.optimize.least_squares(lambda step: misses(step)[near].ravel(), best).x
+        best = scipy.optimize.least_squares(near_residuals, best).x
     transform, scale = transformed(best)
     posed = cameras(best)
     agree = sum(int(agreeing(posed[name], of).sum()) for name, of in pairs.items())
