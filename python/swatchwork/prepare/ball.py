@@ -126,6 +126,18 @@ def find_outline(radiance: F32, camera: Camera | None, name: str, *, allow_cut: 
     return _checked(best, (radiance.shape[1], radiance.shape[0]), name, allow_cut)
 
 
+def ball_through(edges: F64, camera: Camera, tolerance_px: float = 1.5) -> PerspectiveBall | None:
+    """The ball whose outline most of the points [E, 2] of an image lie on, fitted to those; or None."""
+    if len(edges) < 3:
+        return None
+    ball = _most_edges(edges, camera, tolerance_px, np.random.default_rng(0))
+    for _ in range(3):
+        if ball is None:
+            return None
+        ball = _fit(edges[np.abs(ball.residual_px(edges)) < tolerance_px], camera)
+    return ball if isinstance(ball, PerspectiveBall) else None
+
+
 def _checked(outline: Outline, size: tuple[int, int], name: str, allow_cut: bool) -> Outline:
     """With the cut share; refused where that is too much."""
     points = outline.ball.outline(RAYS)

@@ -8,6 +8,7 @@ from swatchwork.surface.mesh import Mesh, mesh_from_arrays, write_mesh_obj
 from swatchwork.surface.points import SurfacePoints, points_in_sight, sky_of_points, surface_points
 from swatchwork.surface.rays import GRAZING, Hit, RayScene, each_of, sees
 from swatchwork.surface.sky import SkyMasks, sky_masks, turned
+from swatchwork.surface.sphere import sphere_mesh
 from swatchwork.surface.unwrap import has_injective_uv, parametrised, unwrap, uv_problem
 
 __all__ = [
@@ -32,6 +33,7 @@ __all__ = [
     "sees",
     "sky_masks",
     "sky_of_points",
+    "sphere_mesh",
     "surface_points",
     "turned",
     "unwrap",

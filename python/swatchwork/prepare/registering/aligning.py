@@ -34,9 +34,9 @@ LEAST_REACH_PX = 4.0
 KNOWN = 1e-3
 """Least lambda: a surface that moves by 1 pixel moves its contours by 0.03, a tenth of a mask's error."""
 DAMPING = 1e-4
-PAIR_WEIGHT = 3e-4
-"""Of one pair against all contour points: a click is off by 2 pixels, a mask by a quarter of one, the
-same for neighbours: a contour is worth some fifty points. Of six pairs, a motion is known."""
+PAIR_WEIGHT = 1.25e-3
+"""Of one pair against all contour points of a photograph: a click is off by 2 pixels, a mask by half of one,
+which is the same for neighbours: a contour is worth some fifty points."""
 PAIR_PX = 4.0
 """Distance from which on a pair's robust weight falls."""
 SURFACE = 200
@@ -142,8 +142,8 @@ def _step(
         if clicked is not None:
             r, J = _pair_terms(camera, clicked)
             J = J @ spread
-            A += PAIR_WEIGHT * J.T @ J
-            gradient += PAIR_WEIGHT * J.T @ r
+            A += PAIR_WEIGHT / len(terms) * J.T @ J
+            gradient += PAIR_WEIGHT / len(terms) * J.T @ r
     # Rotations and translations have different units.
     unit = 1 / np.sqrt(np.maximum(np.diag(B), 1e-300))
     B = B * np.outer(unit, unit) + 1e-12 * np.eye(count)

@@ -1,9 +1,11 @@
 # SPDX-FileCopyrightText: Swatchwork contributors
 # SPDX-License-Identifier: MIT
-"""Cameras whose places to each other are known, placed before the mesh: by a board, or by matched points.
+"""Cameras that are known to each other, as by a board, placed around the mesh by one rigid transform.
 
-With s the scale, R and t the rotation and translation, x_in_world = s R x_in_rig + t. Pairs of one photograph
-tell R, and t up to its distance by the pose of that photograph; s is told by pairs of two.
+The photograph with most pairs gives the start. The pairs of all photographs then refine the transform, with
+Cauchy's loss, and all silhouettes together after that:
+
+    minimise over mesh_from_rig   sum over photographs and their pairs of rho(|project(x) - uv|)
 """
 
 from __future__ import annotations
@@ -12,305 +14,236 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy.optimize
 from scipy.spatial.transform import Rotation
 
 from swatchwork.arrays import F64, Bool
 from swatchwork.capture import Camera
-from swatchwork.errors import InputError
-from swatchwork.prepare.boards import Board, find_board
 from swatchwork.prepare.registering.aligning import Rig, align
 from swatchwork.prepare.registering.contours import ImageEdges
 from swatchwork.prepare.registering.least import misses_px, root_mean_square
 from swatchwork.prepare.registering.pairs import Pairs
-from swatchwork.prepare.registering.posing import default_tolerance_px, needed, pose_from_pairs
-from swatchwork.prepare.registering.refining import iou
+from swatchwork.prepare.registering.posing import FEWEST, default_tolerance_px, pose_from_pairs
+from swatchwork.prepare.registering.refining import CHANCE, iou
+from swatchwork.prepare.registering.units import check_distance, check_pairs, check_silhouettes
 from swatchwork.prepare.registering.view import View
 from swatchwork.surface import RayScene
 
-UNITS = (1000.0, 100.0, 10.0, 25.4, 0.001, 0.01, 0.1, 1 / 25.4)
-NEAR_UNIT = 0.05
-"""Share by which a scale may be off such a one: a square measured by eye."""
-BOARD_PX = 3.0
-"""Distance up to which a corner of the board counts; corners are found to a tenth of a pixel."""
-
-
-@dataclass(frozen=True, eq=False)
-class BoardPoses:
-    """By photograph: cameras in the board's frame, rms of the corners in pixels; those without a board."""
-
-    cameras: dict[str, Camera]
-    rms_px: dict[str, float]
-    not_seen: tuple[str, ...]
+FAR_PX = 1e4
+"""Distance of a pair whose point is not seen, such as one behind the camera."""
 
 
 @dataclass(frozen=True, eq=False)
 class PlacedRig:
-    """Where a rig of cameras is in the mesh's world.
+    """Cameras around the mesh.
 
     Attributes:
-        world_from_rig: F64[4, 4], rigid, of points in the rig times ``scale``.
-        cameras: by photograph, in the mesh's world.
-        rms_px: by photograph with pairs, over those that agree.
-        outliers: by photograph, numbers of the pairs that do not, counted from 0.
+        cameras: in the mesh's world, by name.
+        mesh_from_rig: F64[4, 4], rigid.
+        inliers: Bool[C] of each photograph's pairs, those that agree.
+        pairs_px: rms of these over all photographs; None without pairs.
+        iou_before, iou: mean over the photographs with a mask, before and after their contours had a say.
     """
 
-    world_from_rig: F64
-    scale: float
     cameras: dict[str, Camera]
-    rms_px: dict[str, float]
-    outliers: dict[str, tuple[int, ...]]
-
-
-def board_poses(views: Sequence[View], board: Board, square: float) -> BoardPoses:
-    """Each photograph's camera in the frame of a board that lies still; ``square`` is a square's side.
-
-    Raises:
-        InputError: ``square`` is not positive, or no photograph shows the board.
-    """
-    if not (np.isfinite(square) and square > 0):
-        raise InputError(f"the board's square is {square:g}", expected="a positive length in the mesh's unit")
-    cameras, rms, not_seen = {}, {}, []
-    for view in views:
-        seen = find_board(view.file, view.gray, board)
-        if seen is None:
-            not_seen.append(view.name)
-            continue
-        posed = pose_from_pairs(
-            view.lens, seen.uv_px, seen.x_on_board * square, tolerance_px=BOARD_PX, name=view.file.name
-        )
-        cameras[view.name], rms[view.name] = posed.camera, posed.rms_px
-    if not cameras:
-        raise InputError(
-            f"a {board.columns}x{board.rows} board is in none of {len(views)} photographs",
-            expected="the board beside the object, whole if it is a checkerboard",
-        )
-    return BoardPoses(cameras, rms, tuple(not_seen))
+    mesh_from_rig: F64
+    inliers: dict[str, Bool]
+    pairs_px: float | None
+    iou_before: float | None
+    iou: float | None
 
 
 def place_mesh(
     scene: RayScene,
     views: Sequence[View],
-    cameras: Mapping[str, Camera],
+    cameras_in_rig: Mapping[str, Camera],
     pairs: Mapping[str, Pairs],
-    free_scale: bool,
+    *,
+    stand: F64 | None = None,
 ) -> PlacedRig:
-    """The rigid transform, or with ``free_scale`` the similarity, that brings a rig to the mesh.
-
-    It starts from the pose of a photograph by its pairs, is fitted robustly to all pairs, and then to the
-    contours of all photographs that have a mask; what fits the masks less well is not taken.
+    """Place all cameras in the mesh's world by one rigid transform.
 
     Args:
-        cameras: in the rig's frame, by photograph.
-        pairs: at least six in a photograph of the rig; with ``free_scale``, of two photographs.
+        views: the photographs; those with a region have a say.
+        cameras_in_rig: by name, in the rig's coordinates.
+        pairs: by name; without any, the mesh's coordinates are the rig's.
+        stand: F64[3], in the rig, where the object is roughly, such as the board's middle.
 
     Raises:
-        InputError: too few pairs, no agreement, a mirrored mesh (as `pose_from_pairs`), or a mesh and a rig
-            in different units.
+        InputError: the pairs of the photograph with most of them fit no pose; rig and mesh differ in scale.
     """
-    used = {name: pairs[name] for name in sorted(pairs) if name in cameras and len(pairs[name])}
-    _check(used, free_scale)
-    posed = {}
-    for name, of in used.items():
-        if len(of) >= 6 or (len(used) == 1 and len(of) >= 4):
-            found = pose_from_pairs(cameras[name], of.uv_px, of.x_in_world, name=of.photograph)
-            posed[name] = found.camera
-    scales = _scales(posed, cameras) if free_scale else [1.0]
-    fits = [_fit(_start(posed[n], cameras[n], s), used, cameras, free_scale) for n in posed for s in scales]
-    best = min(fits, key=lambda p: _cost(p, used, cameras))
-    if not free_scale:
-        _check_units(best, posed, used, cameras)
-    best = _by_contours(scene, views, best, used, cameras, free_scale)
-    placed = {name: _at(camera, best) for name, camera in cameras.items()}
-    agree = _agree(best, used, cameras)
-    count, total = sum(int(a.sum()) for a in agree.values()), sum(len(of) for of in used.values())
-    if count < needed(total):
-        raise InputError(
-            f"{count} of {total} pairs agree on a place of the mesh among the cameras",
-            expected="half or more",
-            hint="Did the object move on the board, or between photographs? Check the pairs",
-        )
-    off = {n: misses_px(placed[n], used[n].uv_px, used[n].x_in_world) for n in used}
-    world_from_rig = np.eye(4)
-    world_from_rig[:3, :3] = Rotation.from_rotvec(best[:3]).as_matrix()
-    world_from_rig[:3, 3] = best[3:6]
-    return PlacedRig(
-        world_from_rig,
-        float(np.exp(best[6])),
-        placed,
-        {n: root_mean_square(off[n][agree[n]]) for n in used},
-        {n: tuple(int(i) for i in np.flatnonzero(~agree[n])) for n in used},
-    )
+    by_name = {view.name: view for view in views}
+    pairs = {name: of for name, of in pairs.items() if name in cameras_in_rig and len(of)}
+    mesh_from_rig = np.eye(4)
+    if pairs:
+        most = max(pairs, key=lambda name: len(pairs[name]))
+        of, view = pairs[most], by_name[most]
+        posed = pose_from_pairs(view.lens, of.uv_px, of.x_in_world, name=str(view.file))
+        mesh_from_rig = posed.camera.world_from_camera @ np.linalg.inv(cameras_in_rig[most].world_from_camera)
+        if stand is not None:
+            check_distance(scene, by_name, cameras_in_rig, most, posed.camera, stand)
+        rigid = fitted(cameras_in_rig, pairs, mesh_from_rig, scaled=False)
+        check_pairs(rigid, fitted(cameras_in_rig, pairs, mesh_from_rig, scaled=True))
+        mesh_from_rig = rigid.mesh_from_rig
+    elif stand is not None:
+        check_distance(scene, by_name, cameras_in_rig, next(iter(cameras_in_rig)), None, stand)
+    start = carried(cameras_in_rig, mesh_from_rig)
+    inliers = {name: agreeing(start[name], of) for name, of in pairs.items()}
+    before = mean_iou(scene, by_name, start)
+    if pairs:
+        check_silhouettes(scene, by_name, cameras_in_rig, most, start[most], before)
+    cameras = _by_contours(scene, by_name, start, pairs, inliers)
+    after = mean_iou(scene, by_name, cameras)
+    if before is not None and after is not None and after < before - CHANCE:
+        cameras, after = start, before
+    if cameras is not start:
+        first = next(iter(cameras))
+        in_rig = cameras_in_rig[first].world_from_camera
+        mesh_from_rig = cameras[first].world_from_camera @ np.linalg.inv(in_rig)
+    inliers = {name: agreeing(cameras[name], of) for name, of in pairs.items()}
+    off = [misses_px(cameras[n], of.uv_px, of.x_in_world)[inliers[n]] for n, of in pairs.items()]
+    pairs_px = root_mean_square(np.concatenate(off)) if off else None
+    return PlacedRig(cameras, mesh_from_rig, inliers, pairs_px, before, after)
 
 
-def _check(used: Mapping[str, Pairs], free_scale: bool) -> None:
-    counts = {name: len(p) for name, p in used.items()}
-    if not counts or max(counts.values()) < (4 if len(counts) == 1 else 6):
-        raise InputError(
-            f"the photographs of the rig have {list(counts.values()) or 'no'} pairs",
-            expected="six or more in one photograph whose camera is known",
-        )
-    if free_scale and sum(count >= 6 for count in counts.values()) < 2:
-        raise InputError(
-            f"pairs are in {len(counts)} photograph{'' if len(counts) == 1 else 's'}, which do not tell the "
-            "scale of cameras whose unit is unknown",
-            expected="six or more pairs in each of two photographs taken from different places",
-        )
-
-
-def _start(posed: Camera, camera: Camera, scale: float) -> F64:
-    """Rotation vector, translation and logarithm of the scale [7] that bring one camera to its pose."""
-    rotation = posed.world_from_camera[:3, :3] @ camera.world_from_camera[:3, :3].T
-    place = posed.position - scale * rotation @ camera.position
-    return np.concatenate([Rotation.from_matrix(rotation).as_rotvec(), place, [np.log(scale)]])
-
-
-def _scales(posed: Mapping[str, Camera], cameras: Mapping[str, Camera]) -> list[float]:
-    names = list(posed)
-    found = []
-    for i, a in enumerate(names):
-        for b in names[i + 1 :]:
-            rig = float(np.linalg.norm(cameras[a].position - cameras[b].position))
-            if rig > 0:
-                found.append(float(np.linalg.norm(posed[a].position - posed[b].position)) / rig)
-    found = [s for s in found if s > 0]
-    return [float(np.median(found))] if found else [1.0]
-
-
-def _at(camera: Camera, p: F64) -> Camera:
-    rotation = Rotation.from_rotvec(p[:3]).as_matrix()
-    pose = np.eye(4)
-    pose[:3, :3] = rotation @ camera.world_from_camera[:3, :3]
-    pose[:3, 3] = np.exp(p[6]) * rotation @ camera.position + p[3:6]
-    return replace(camera, world_from_camera=pose)
-
-
-def _residual(p: F64, used: Mapping[str, Pairs], cameras: Mapping[str, Camera]) -> F64:
-    """In tolerances; a point that is not seen counts as far off."""
-    parts = []
-    for name, of in used.items():
-        uv, _ = _at(cameras[name], p).project(of.x_in_world)
-        off = (uv - of.uv_px) / default_tolerance_px(cameras[name])
-        parts.append(np.nan_to_num(off, nan=1e3).ravel())
-    return np.concatenate(parts)
-
-
-def _cost(p: F64, used: Mapping[str, Pairs], cameras: Mapping[str, Camera]) -> float:
-    off = _residual(p, used, cameras).reshape(-1, 2)
-    return float(np.minimum((off**2).sum(axis=1), 1).sum())
-
-
-def _fit(start: F64, used: Mapping[str, Pairs], cameras: Mapping[str, Camera], free_scale: bool) -> F64:
-    count = 7 if free_scale else 6
-    # Coordinates have the world's unit: steps of translations are scaled by its size.
-    size = max(float(np.abs(np.concatenate([of.x_in_world for of in used.values()])).max()), 1e-9)
-    unit = np.array([1.0, 1, 1, size, size, size, 1])
-
-    def whole(q: F64) -> F64:
-        return np.asarray(np.concatenate([q, start[count:] / unit[count:]]) * unit)
-
-    def residual(q: F64) -> F64:
-        return _residual(whole(q), used, cameras)
-
-    found = least_squares(residual, start[:count] / unit[:count], loss="cauchy", f_scale=0.3)
-    return whole(np.asarray(found.x, dtype=np.float64))
-
-
-def _agree(p: F64, used: Mapping[str, Pairs], cameras: Mapping[str, Camera]) -> dict[str, Bool]:
+def carried(cameras: Mapping[str, Camera], transform: F64) -> dict[str, Camera]:
+    """All cameras after a rigid transform F64[4, 4] of the world."""
     return {
-        n: misses_px(_at(cameras[n], p), of.uv_px, of.x_in_world) < default_tolerance_px(cameras[n])
-        for n, of in used.items()
+        name: replace(camera, world_from_camera=transform @ camera.world_from_camera)
+        for name, camera in cameras.items()
     }
 
 
-def _check_units(
-    rigid: F64, posed: Mapping[str, Camera], used: Mapping[str, Pairs], cameras: Mapping[str, Camera]
-) -> None:
-    """Raises where another scale makes pairs of two photographs agree that do not with the given one."""
-    if len(posed) < 2:
-        return
-    name = next(iter(posed))
-    [scale] = _scales(posed, cameras)
-    free = _fit(_start(posed[name], cameras[name], scale), used, cameras, True)
-    total = sum(len(of) for of in used.values())
-    own, other = (sum(int(a.sum()) for a in _agree(p, used, cameras).values()) for p in (rigid, free))
-    found = float(np.exp(free[6]))
-    # The size of a board is known to a few per mille.
-    if other < max(needed(total), own + 3) or abs(found - 1) < 0.01:
-        return
-    near = next((u for u in UNITS if abs(found / u - 1) < NEAR_UNIT), None)
-    names = {1000.0: ("millimetres", "metres"), 100.0: ("centimetres", "metres")}
-    names |= {10.0: ("millimetres", "centimetres"), 25.4: ("millimetres", "inches")}
-    hint = "Measure the board's square again, in the mesh's unit"
-    if near is not None:
-        mesh, board = names[near] if near in names else names[round(1 / near, 6)][::-1]
-        hint = f"The mesh looks to be in {mesh} and --square in {board}"
-    raise InputError(
-        f"the mesh and the board are in different units: {other} of {total} pairs agree with a board "
-        f"{found:.4g} times as large, {own} with the given one",
-        expected="the board's square in the mesh's unit",
-        hint=hint,
-    )
+def agreeing(camera: Camera, pairs: Pairs) -> Bool:
+    """Which pairs, Bool[C], are within the tolerance of the clicks."""
+    return np.asarray(misses_px(camera, pairs.uv_px, pairs.x_in_world) < default_tolerance_px(camera))
+
+
+def mean_iou(scene: RayScene, views: Mapping[str, View], cameras: Mapping[str, Camera]) -> float | None:
+    """Of the photographs with a mask; None without any."""
+    found = [iou(scene, views[name], camera) for name, camera in cameras.items()]
+    known = [value for value in found if value is not None]
+    return float(np.mean(known)) if known else None
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A transform by pairs: mesh = mesh_from_rig (scale x); how many of how many pairs agree, and their
+    number in each photograph."""
+
+    mesh_from_rig: F64
+    scale: float
+    agree: int
+    count: int
+    each: tuple[int, ...]
+
+
+def fitted(
+    cameras_in_rig: Mapping[str, Camera], pairs: Mapping[str, Pairs], start: F64, *, scaled: bool
+) -> Fitted:
+    """The transform that fits the pairs of all photographs best, near a start; with a scale or without.
+
+    Unknown are a turn and a shift about the pairs' middle, and the logarithm of the scale, which multiplies
+    the rig about the camera with most pairs: that one's pairs then say nothing of it.
+    """
+    x = np.concatenate([of.x_in_world for of in pairs.values()])
+    centre, size = x.mean(axis=0), max(float(np.ptp(x, axis=0).max()), 1e-300)
+    most = max(pairs, key=lambda name: len(pairs[name]))
+    pivot = cameras_in_rig[most].position
+
+    def transformed(step: F64) -> tuple[F64, float]:
+        turn = np.eye(4)
+        turn[:3, :3] = Rotation.from_rotvec(step[:3]).as_matrix()
+        turn[:3, 3] = centre + size * step[3:6] - turn[:3, :3] @ centre
+        scale = float(np.exp(step[6])) if scaled else 1.0
+        # start maps the pivot to where its camera is, whatever the scale.
+        about = np.eye(4)
+        about[:3, 3] = (1 - scale) * pivot
+        return turn @ start @ about, scale
+
+    def cameras(step: F64) -> dict[str, Camera]:
+        transform, scale = transformed(step)
+        return {name: scaled_camera(cameras_in_rig[name], transform, scale) for name in pairs}
+
+    def misses(step: F64) -> F64:
+        posed = cameras(step)
+        off = [posed[name].project(of.x_in_world)[0] - of.uv_px for name, of in pairs.items()]
+        return np.nan_to_num(np.concatenate(off), nan=FAR_PX)
+
+    def residuals(step: F64) -> F64:
+        return misses(step).ravel()
+
+    def near_residuals(step: F64) -> F64:
+        return misses(step)[near].ravel()
+
+    tolerance = max(default_tolerance_px(cameras_in_rig[name]) for name in pairs)
+    best = np.zeros(7 if scaled else 6)
+    # A wide loss first: cameras far from the one with most pairs may be far off.
+    for loss_px in (16 * tolerance, tolerance):
+        best = scipy.optimize.least_squares(residuals, best, loss="cauchy", f_scale=loss_px).x
+    near = np.hypot(*misses(best).T) < tolerance
+    if near.sum() >= FEWEST:
+        best = scipy.optimize.least_squares(near_residuals, best).x
+    transform, scale = transformed(best)
+    posed = cameras(best)
+    agree = sum(int(agreeing(posed[name], of).sum()) for name, of in pairs.items())
+    return Fitted(transform, scale, agree, len(x), tuple(len(of) for of in pairs.values()))
+
+
+def scaled_camera(camera: Camera, transform: F64, scale: float) -> Camera:
+    """A camera of the rig after the rig was scaled about its origin, and then moved rigidly."""
+    pose = camera.world_from_camera.copy()
+    pose[:3, 3] *= scale
+    return replace(camera, world_from_camera=transform @ pose)
+
+
+def rig_of(scene: RayScene, cameras: Mapping[str, Camera]) -> Rig:
+    """Cameras that turn and shift together [6] about the object's centre."""
+    centre = scene.centre
+
+    def move(given: tuple[Camera, ...], step: F64) -> tuple[Camera, ...]:
+        turn = np.eye(4)
+        turn[:3, :3] = Rotation.from_rotvec(step[:3]).as_matrix()
+        turn[:3, 3] = centre + step[3:] - turn[:3, :3] @ centre
+        return tuple(replace(c, world_from_camera=turn @ c.world_from_camera) for c in given)
+
+    def spread(given: tuple[Camera, ...]) -> list[F64]:
+        return [_own_step(camera, centre) for camera in given]
+
+    return Rig(tuple(cameras.values()), move, spread)
+
+
+def _own_step(camera: Camera, centre: F64) -> F64:
+    """Derivative [6, 6] of a camera's step in its own axes by a motion of the world about a point."""
+    back = camera.world_from_camera[:3, :3].T
+    x, y, z = camera.position - centre
+    # A turn w moves the camera by w x (position - centre).
+    by_turn = np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]])
+    return np.block([[back, np.zeros((3, 3))], [back @ by_turn, back]])
 
 
 def _by_contours(
     scene: RayScene,
-    views: Sequence[View],
-    p: F64,
-    used: Mapping[str, Pairs],
-    cameras: Mapping[str, Camera],
-    free_scale: bool,
-) -> F64:
-    """All cameras moved together until the masks fit; as before where they fit no better."""
-    masked = [v for v in views if v.name in cameras and v.region is not None and v.region.any()]
+    views: Mapping[str, View],
+    cameras: dict[str, Camera],
+    pairs: Mapping[str, Pairs],
+    inliers: Mapping[str, Bool],
+) -> dict[str, Camera]:
+    """The rig after the contours of all photographs with masks, and the pairs as weak terms."""
+    masked = [name for name in cameras if views[name].region is not None]
     if not masked:
-        return p
-    agree = _agree(p, used, cameras)
-    kept = {n: Pairs(of.photograph, of.uv_px[agree[n]], of.x_in_world[agree[n]]) for n, of in used.items()}
-    count, centre = (7 if free_scale else 6), scene.centre
-
-    def spread(moving: tuple[Camera, ...]) -> list[F64]:
-        maps = []
-        for camera in moving:
-            back, away = camera.world_from_camera[:3, :3].T, camera.position - centre
-            whole = np.zeros((6, 7))
-            x, y, z = away
-            whole[:3, :3] = back
-            whole[3:, :3] = back @ -np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-            whole[3:, 3:6] = back
-            whole[3:, 6] = back @ away
-            maps.append(whole[:, :count])
-        return maps
-
-    def move(moving: tuple[Camera, ...], step: F64) -> tuple[Camera, ...]:
-        turn = Rotation.from_rotvec(step[:3]).as_matrix()
-        grow = np.exp(step[6]) if free_scale else 1.0
-        made = []
-        for camera in moving:
-            pose = np.eye(4)
-            pose[:3, :3] = turn @ camera.world_from_camera[:3, :3]
-            pose[:3, 3] = grow * turn @ (camera.position - centre) + centre + step[3:6]
-            made.append(replace(camera, world_from_camera=pose))
-        return tuple(made)
-
-    start = tuple(_at(cameras[v.name], p) for v in masked)
-    found = align(
-        scene,
-        [ImageEdges.of(v) for v in masked],
-        Rig(start, move, spread),
-        [kept.get(v.name) for v in masked],
-        stages=2,
-    ).stages[-1]
-    before, after = (
-        float(np.mean([iou(scene, v, c) or 0.0 for v, c in zip(masked, moved, strict=True)]))
-        for moved in (start, found)
-    )
-    if after < before:
-        return p
-    scale = np.exp(p[6])
-    if free_scale and len(masked) > 1:
-        rig = np.ptp([cameras[v.name].position for v in masked], axis=0)
-        if np.linalg.norm(rig) > 0:
-            names = {v.name: c for v, c in zip(masked, found, strict=True)}
-            scale = _scales(names, cameras)[0]
-    return _start(found[0], cameras[masked[0].name], float(scale))
+        return cameras
+    chosen = {name: cameras[name] for name in masked}
+    kept = {
+        name: Pairs(of.photograph, of.uv_px[inliers[name]], of.x_in_world[inliers[name]])
+        for name, of in pairs.items()
+    }
+    images = [ImageEdges.of(views[name]) for name in masked]
+    found = align(scene, images, rig_of(scene, chosen), [kept.get(name) for name in masked])
+    last = found.stages[-1][0]
+    if len(masked) > 1:
+        # Silhouettes from several sides need no clicks, which are off by more than they.
+        near = dict(zip(masked, found.stages[-1], strict=True))
+        alone = align(scene, images, rig_of(scene, near), [None] * len(masked), stages=1)
+        last = alone.stages[-1][0] if alone.history[-1].unknown == 0 else last
+    return carried(cameras, last.world_from_camera @ np.linalg.inv(cameras[masked[0]].world_from_camera))

@@ -1,133 +1,141 @@
 # SPDX-FileCopyrightText: Swatchwork contributors
 # SPDX-License-Identifier: MIT
-"""Spheres without a scan: the pose by the outline, an ellipse off the optical axis (paper, section 6).
+"""A sphere's place by its outline, exact in perspective; the outline says nothing of how the sphere is turned.
 
-The world's origin is the sphere's centre, and its axes are the camera's: a sphere looks the same from all
-sides, and each photograph is a world of its own.
+The centre is fixed by any outline, cut or whole: a sphere of known radius has one distance at which its cone
+of tangents is that wide.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
-import cv2
 import numpy as np
+import scipy.optimize
 
-from swatchwork.arrays import F64, Bool
+from swatchwork.arrays import F64, norm
 from swatchwork.capture import Camera
 from swatchwork.errors import InputError
-from swatchwork.prepare.ball import given_outline
+from swatchwork.prepare.ball import ball_through
 from swatchwork.prepare.mirror import PerspectiveBall
-from swatchwork.prepare.registering.contours import BLUR_PX, BORDER_PX, without_specks
+from swatchwork.prepare.registering.contours import BORDER_PX, ImageEdges
+from swatchwork.prepare.registering.least import root_mean_square
+from swatchwork.prepare.registering.units import BY_SILHOUETTES, OFF, scale_error
+from swatchwork.prepare.registering.view import View
 
-FEWEST = 30
-"""Points of an outline, of some hundreds."""
-ROUND_PX, ROUND_SHARE = 1.0, 0.01
-"""Rms up to which an outline is a sphere's: pixels, and a share of its radius."""
-
-
-@dataclass(frozen=True, eq=False)
-class SpherePose:
-    """A camera before a sphere about the origin.
-
-    Attributes:
-        camera: its rotation is the identity.
-        rms_px: distance of the outline from the sphere's.
-        radius_px: mean radius in the photograph.
-        cut: share of the sphere's outline that lies outside the photograph.
-    """
-
-    camera: Camera
-    rms_px: float
-    radius_px: float
-    cut: float
+LEAST_SHARE = 0.6
+"""Of the mask's border that must lie within `TOLERANCE_PX` of the outline."""
+TOLERANCE_PX = 1.5
 
 
-def sphere_camera(
-    lens: Camera, outline: Bool | tuple[float, ...], radius: float, *, name: str = "the sphere"
-) -> SpherePose:
-    """The camera that sees a sphere of ``radius`` (world units) with a given outline.
+def border_points(view: View) -> F64:
+    """Places F64[E, 2] where the view's region ends, to a part of a pixel; the picture's frame is no end."""
+    mask = ImageEdges.of(view).mask
+    if mask is None:
+        return np.zeros((0, 2))
+    value = mask.astype(np.float64) - 127.5
+    found = []
+    for across in (0, 1):
+        a, b = (value[:, :-1], value[:, 1:]) if across == 0 else (value[:-1], value[1:])
+        v, u = np.nonzero((a > 0) != (b > 0))
+        at = np.column_stack([u, v]) + 0.5
+        at[:, across] += a[v, u] / (a[v, u] - b[v, u])
+        found.append(at)
+    points = np.concatenate(found)
+    inside = ((points > BORDER_PX) & (points < np.array(mask.shape[::-1]) - BORDER_PX)).all(axis=1)
+    return points[inside]
+
+
+def sphere_camera(view: View, radius: float) -> tuple[Camera, float]:
+    """The camera in a world with the sphere's centre as origin and the camera's own axes, by view.region.
 
     Args:
-        lens: its pose is not used.
-        outline: the region Bool[H, W] that the sphere fills; or a circle (x, y, radius) or an ellipse
-            (x, y, semi-axis, semi-axis, degrees of the first from right to down) in pixels.
-        name: of the photograph, for errors.
+        radius: world units.
+
+    Returns:
+        The camera, and the rms in pixels of the border from the outline, over the points that agree.
 
     Raises:
-        InputError: the radius is not positive; the region is empty, of another size, or no sphere's.
+        InputError: no mask, or one whose border is no sphere's outline.
     """
-    if not (np.isfinite(radius) and radius > 0):
-        raise InputError(f"the sphere's radius is {radius:g}", file=name, expected="a positive length")
-    lens = replace(lens, world_from_camera=np.eye(4))
-    if isinstance(outline, tuple):
-        given = given_outline(outline, (lens.width, lens.height), lens, name, allow_cut=True)
-        assert isinstance(given.ball, PerspectiveBall)
-        ball, rms = given.ball, given.residual_px
-    else:
-        ball, rms = _fitted(lens, outline, name)
-    points = ball.outline()
-    inside = ((points >= 0) & (points <= (lens.width, lens.height))).all(axis=1)
-    size = float(np.linalg.norm(points - points.mean(axis=0), axis=1).mean())
-    if rms > max(ROUND_PX, ROUND_SHARE * size):
+    points = border_points(view)
+    ball = ball_through(points, view.lens, TOLERANCE_PX)
+    off = np.abs(ball.residual_px(points)) if ball is not None else np.zeros(0)
+    near = off < TOLERANCE_PX
+    if ball is None or near.mean() < LEAST_SHARE:
+        share = "" if ball is None else f" ({100 * near.mean():.0f} % of its border lies on the best one)"
         raise InputError(
-            f"the outline is {rms:.1f} px off that of a sphere of {size:.0f} px radius",
-            file=name,
-            expected="a mask of one sphere, all that is seen of it, and this camera's focal length",
+            f"the mask is not a sphere's{share}" if len(points) else "there is no mask",
+            file=view.file,
+            expected="a mask or alpha whose border is the outline of the sphere",
+            hint="Leave stands and shadows out of the mask",
         )
     pose = np.eye(4)
-    pose[:3, 3] = -ball.centre * radius
-    return SpherePose(replace(lens, world_from_camera=pose), rms, size, float(1 - inside.mean()))
+    pose[:3, 3] = -radius * ball.centre
+    return replace(view.lens, world_from_camera=pose), root_mean_square(off[near])
 
 
-def _fitted(lens: Camera, region: Bool, name: str) -> tuple[PerspectiveBall, float]:
-    if region.shape != (lens.height, lens.width):
-        raise InputError(
-            f"the region has {region.shape[1]} x {region.shape[0]} pixels",
-            file=name,
-            expected=f"{lens.width} x {lens.height} as the photograph",
-        )
-    points = region_outline(region)
-    ball = PerspectiveBall.fit(lens, points) if len(points) >= FEWEST else None
-    for _ in range(10):
-        if ball is None:
-            break
-        off = np.abs(ball.residual_px(points))
-        # A stand or a hand beside the sphere is no part of it; half of the outline is taken as sound.
-        near = off <= max(3 * 1.4826 * float(np.median(off)), 1.0)
-        ball = PerspectiveBall.fit(lens, points[near])
-    if ball is None:
-        raise InputError(
-            f"the region ({int(region.sum())} pixels) has no outline of a sphere",
-            file=name,
-            expected="the disc or ellipse that the sphere fills in the photograph",
-        )
-    off = np.abs(ball.residual_px(points))
-    near = off <= max(3 * 1.4826 * float(np.median(off)), 1.0)
-    return ball, float(np.sqrt(np.mean(off[near] ** 2)))
+def sphere_in_rig(
+    views: Sequence[View], cameras_in_rig: Mapping[str, Camera], radius: float
+) -> tuple[F64, dict[str, float]]:
+    """The sphere's centre F64[3] in the coordinates of cameras known to each other, by all their outlines.
 
+    Returns:
+        The centre, and the rms in pixels of each photograph's outline.
 
-def region_outline(region: Bool) -> F64:
-    """Points F64[P, 2] of the outer border of the largest part of a region, to a part of a pixel.
-
-    They lie where the blurred region falls below one half; what runs along the picture's frame is left out.
+    Raises:
+        InputError: no photograph with a mask is among them, a mask is no sphere's, or the outlines meet only
+            at another radius.
     """
-    if not region.any():
-        return np.zeros((0, 2))
-    whole = without_specks(region).astype(np.uint8)
-    contours, _ = cv2.findContours(whole, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    border = max(contours, key=cv2.contourArea).reshape(-1, 2).astype(np.float64)
-    # By the slope of the blurred region, to first order: it is steepest, and so nearly straight, there.
-    blurred = cv2.GaussianBlur(whole.astype(np.float32), (0, 0), BLUR_PX, borderType=cv2.BORDER_REPLICATE)
-    dx, dy = (cv2.Sobel(blurred, cv2.CV_32F, i, 1 - i, scale=1 / 8) for i in (1, 0))
-    x = border
-    for _ in range(3):
-        u, v = (x[:, i].astype(np.float32)[None] for i in (0, 1))
-        value, gx, gy = (cv2.remap(image, u, v, cv2.INTER_LINEAR)[0] for image in (blurred, dx, dy))
-        slope = np.column_stack([gx, gy]).astype(np.float64)
-        steep = np.maximum((slope**2).sum(axis=1), 1e-4)
-        x = x + slope * ((0.5 - value.astype(np.float64)) / steep)[:, None]
-    at = x + 0.5
-    inside = (at > BORDER_PX) & (at < np.array(region.shape[::-1]) - BORDER_PX)
-    close = np.linalg.norm(x - border, axis=1) < 2
-    return np.asarray(at[inside.all(axis=1) & close])
+    seen = [v for v in views if v.name in cameras_in_rig and v.region is not None]
+    if not seen:
+        raise InputError(
+            "no photograph that shows the board has a mask", expected="the sphere's mask in one at least"
+        )
+    balls, points = {}, {}
+    for view in seen:
+        camera, _ = sphere_camera(view, radius)
+        balls[view.name] = -camera.position
+        at = border_points(view)
+        off = PerspectiveBall(view.lens, -camera.position / radius).residual_px(at)
+        points[view.name] = at[np.abs(off) < TOLERANCE_PX]
+    poses = {view.name: cameras_in_rig[view.name].world_from_camera for view in seen}
+    _check_radius(poses, balls)
+    centres = [poses[name][:3, :3] @ ball + poses[name][:3, 3] for name, ball in balls.items()]
+
+    def misses(centre: F64) -> list[F64]:
+        rows = []
+        for view in seen:
+            pose = poses[view.name]
+            local = (centre - pose[:3, 3]) @ pose[:3, :3] / radius
+            # A step into the sphere has no outline: it is held off.
+            local *= max(1.0, 1.001 / float(norm(local)))
+            rows.append(PerspectiveBall(view.lens, local).residual_px(points[view.name]))
+        return rows
+
+    start = np.mean(centres, axis=0)
+    found = scipy.optimize.least_squares(
+        lambda x: np.concatenate(misses(radius * x)), start / radius, loss="cauchy", f_scale=TOLERANCE_PX
+    )
+    centre = radius * found.x
+    rms_px = {view.name: root_mean_square(off) for view, off in zip(seen, misses(centre), strict=True)}
+    return centre, rms_px
+
+
+def _check_radius(poses: Mapping[str, F64], balls: Mapping[str, F64]) -> None:
+    """Raises InputError where the rays to the centre meet at distances other than the radius says."""
+    if len(balls) < 2:
+        return
+    # p + s d = c for each photograph: unknown are c and the common scale s of the distances.
+    rows = [np.column_stack([np.eye(3), -poses[name][:3, :3] @ ball]) for name, ball in balls.items()]
+    A, b = np.concatenate(rows), np.concatenate([poses[name][:3, 3] for name in balls])
+    x, _, rank, sv = np.linalg.lstsq(A, b, rcond=None)
+    scale = float(x[3])
+    loose = rank < 4 or sv[-1] < 0.05 * sv[0]
+    if not loose and scale > 0 and abs(np.log(scale)) > 5 * OFF:
+        raise scale_error(
+            1 / scale,
+            f"the outlines meet at {scale:.3g} times the distance that --sphere says",
+            BY_SILHOUETTES,
+        )
