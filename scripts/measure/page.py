@@ -4,8 +4,8 @@
 
     python scripts/measure/page.py --figures target/validation --page docs/validation.md
 
-Reads forward_model.json, exactness.json, two_of_four*.json, shadows.json, captures.json, planning.json and
-confidence.json, whichever are there. Every verdict is computed from
+Reads forward_model.json, exactness.json, two_of_four*.json, shadows.json, captures.json, planning.json,
+confidence.json and exports.json, whichever are there. Every verdict is computed from
 them against the bounds below; the page names the command and the commit of each figure.
 """
 
@@ -19,6 +19,7 @@ from typing import Any
 import captures
 import confidence
 import exactness
+import exports
 import planning
 import results
 import shadows
@@ -261,6 +262,30 @@ actual error without its largest hundredth.
 """
 
 
+EXPORT_BOUND = 0.02
+"""NRMS of the Mitsuba export on igea-merl against relight."""
+
+
+def exports_section(figures: Figures) -> str:
+    rows = figures["rows"]
+    verdicts = [
+        (f"{r['capture']}: Mitsuba against relight", r["nrms"], EXPORT_BOUND, "%")
+        for r in rows
+        if r["export"] == "mitsuba"
+    ]
+    return f"""{source(figures)}
+
+Pictures by Mitsuba against `relight`, light and cameras of `test/`. NRMS is free of the renderer's noise (two
+seeds; the product of their differences), *noise* is that of one picture. *stated loss* is what the command says
+of the .glb: of single points without shadows under a light that the fit did not see. The .glb is read back and
+its BRDF evaluated anew from the specification (scripts/measure/gltf_bsdf.py).
+
+{results.verdicts(verdicts)}
+
+{results.table(exports.HEAD, [exports.row(r) for r in rows], markdown=True)}
+"""
+
+
 SECTIONS: dict[str, tuple[str, Callable[[Figures], str]]] = {
     "forward_model": ("Forward model", forward_section),
     "exactness": ("Exactness", exactness_section),
@@ -270,6 +295,7 @@ SECTIONS: dict[str, tuple[str, Callable[[Figures], str]]] = {
     "captures": ("Captures of measured materials", captures_section),
     "planning": ("Planned views", planning_section),
     "confidence": ("Expected errors", confidence_section),
+    "exports": ("Exports", exports_section),
 }
 HEAD = """# Validation
 
