@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image as Pillow
-from test_export_mitsuba import ball
 
 from swatchwork.capture import read_exr_channels, read_image
 from swatchwork.cli import main
@@ -28,6 +27,7 @@ from swatchwork.material import Material, material_maps, write_material
 from swatchwork.reflectance import paper
 from swatchwork.simulate import four_materials, in_basis
 from swatchwork.workflow import export_material
+from test_export_mitsuba import ball
 
 ROOT = Path(__file__).resolve().parents[1]
 

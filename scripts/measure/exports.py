@@ -89,7 +89,7 @@ def main() -> None:
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as temporary:
         work = args.work or Path(temporary)
-        made = simulate_capture(work / "simulated", "knot", k=6, test_views=3, size=128)
+        made = simulate_capture(work / "simulated", object_shape="knot", k=6, test_views=3, size=128)
         reconstruct_folder(made.folder, work / "simulated-material")
         rows = measure("knot, simulated", work / "simulated-material", made.test_folder, work / "a", args.spp)
         material = args.material

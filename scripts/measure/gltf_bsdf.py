@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Swatchwork contributors
 # SPDX-License-Identifier: MIT
-"""Mitsuba's view of an exported .glb: its 8-bit textures and glTF's BRDF, written anew from the specification.
+"""Mitsuba's view of an exported .glb: its 8-bit textures, and glTF's BRDF anew from the specification.
 
     python scripts/measure/gltf_bsdf.py SCENE OBJECT.glb --spp 64 --seed 1 --output DIR
 

@@ -276,9 +276,9 @@ def exports_section(figures: Figures) -> str:
     return f"""{source(figures)}
 
 Pictures by Mitsuba against `relight`, light and cameras of `test/`. NRMS is free of the renderer's noise (two
-seeds; the product of their differences), *noise* is that of one picture. *stated loss* is what the command says
-of the .glb: of single points without shadows under a light that the fit did not see. The .glb is read back and
-its BRDF evaluated anew from the specification (scripts/measure/gltf_bsdf.py).
+seeds; the product of their differences), *noise* is that of one picture. *stated loss* is what the command
+says of the .glb: of single points without shadows under a light that the fit did not see. The .glb is read back
+and its BRDF evaluated anew from the specification (scripts/measure/gltf_bsdf.py).
 
 {results.verdicts(verdicts)}
 
