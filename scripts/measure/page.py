@@ -277,7 +277,7 @@ def exports_section(figures: Figures) -> str:
 
 Pictures by Mitsuba against `relight`, light and cameras of `test/`. NRMS is free of the renderer's noise (two
 seeds; the product of their differences), *noise* is that of one picture. *stated loss* is what the command
-says of the .glb: of single points without shadows under a light that the fit did not see. The .glb is read back
+says of the .glb: of single points without shadows under a light that the fit did not see. It is read back
 and its BRDF evaluated anew from the specification (scripts/measure/gltf_bsdf.py).
 
 {results.verdicts(verdicts)}
