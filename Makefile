@@ -13,10 +13,10 @@ RUST_SOURCES := Cargo.toml Cargo.lock $(shell find crates -name target -prune -o
 VENV_ENV := env -u CONDA_PREFIX VIRTUAL_ENV="$(CURDIR)/$(VENV)"
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint format bench validate reproduce picture clean
+.PHONY: help setup demo test lint format bench validate reproduce picture gltf-validator clean
 
 help: ## list what there is to make
-	@awk -F':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F':.*## ' '/^[a-z-]+:.*## / {printf "  make %-14s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 setup: $(VENV)/.installed ## make .venv with the package and its tools, from nothing
 
@@ -79,6 +79,7 @@ validate: setup ## measure exactness, blends, captures, photographs (hours); wri
 	$(BIN)/python scripts/measure/planning.py --json $(FIGURES)/planning.json
 	$(BIN)/python scripts/measure/confidence.py --data $(DATA) --captures $(CAPTURES) --json $(FIGURES)/confidence.json
 	$(BIN)/python scripts/measure/photographs.py --data $(DATA) --ablations --cameras jpeg linear16 --picture docs/photographs.jpg --json $(FIGURES)/photographs.json
+	$(BIN)/python scripts/measure/exports.py --captures $(CAPTURES) --json $(FIGURES)/exports.json
 	$(BIN)/python scripts/measure/page.py --figures $(FIGURES) --page docs/validation.md
 
 # Finished parts are kept in target/reproduction; `rm -r` it to begin anew.
@@ -86,6 +87,9 @@ reproduce: setup ## run the paper's experiments (hours); write docs/reproduction
 	$(BIN)/swatchwork reproduce all --data $(DATA) --captures $(CAPTURES) -o target/reproduction
 	cp target/reproduction/reproduction.md docs/reproduction.md
 	rm -rf docs/pictures && cp -r target/reproduction/pictures docs/pictures
+
+gltf-validator: ## install the Khronos glTF validator (npm) into target/, for the tests that use it
+	npm install --prefix target --no-save --no-audit --no-fund gltf-validator
 
 picture: setup ## make the README's picture, docs/picture.png, from the demo
 	$(BIN)/swatchwork demo $(DEMO) --picture docs/picture.png

@@ -5,7 +5,7 @@
     python scripts/measure/page.py --figures target/validation --page docs/validation.md
 
 Reads forward_model.json, exactness.json, two_of_four*.json, shadows.json, captures.json, planning.json,
-confidence.json and photographs.json, whichever are there. Every verdict is computed from
+confidence.json, photographs.json and exports.json, whichever are there. Every verdict is computed from
 them against the bounds below; the page names the command and the commit of each figure.
 """
 
@@ -19,6 +19,7 @@ from typing import Any
 import captures
 import confidence
 import exactness
+import exports
 import photographs_page
 import planning
 import results
@@ -263,6 +264,30 @@ hundredth.
 """
 
 
+EXPORT_BOUND = 0.02
+"""NRMS of the Mitsuba export on igea-merl against relight."""
+
+
+def exports_section(figures: Figures) -> str:
+    rows = figures["rows"]
+    verdicts = [
+        (f"{r['capture']}: Mitsuba against relight", r["nrms"], EXPORT_BOUND, "%")
+        for r in rows
+        if r["export"] == "mitsuba"
+    ]
+    return f"""{source(figures)}
+
+Pictures by Mitsuba against `relight`, light and cameras of `test/`. NRMS is free of the renderer's noise (two
+seeds; the product of their differences), *noise* is that of one picture. *stated loss* is what the command
+says of the .glb: of single points without shadows under a light that the fit did not see. It is read back
+and its BRDF evaluated anew from the specification (scripts/measure/gltf_bsdf.py).
+
+{results.verdicts(verdicts)}
+
+{results.table(exports.HEAD, [exports.row(r) for r in rows], markdown=True)}
+"""
+
+
 SECTIONS: dict[str, tuple[str, Callable[[Figures], str]]] = {
     "forward_model": ("Forward model", forward_section),
     "exactness": ("Exactness", exactness_section),
@@ -276,6 +301,7 @@ SECTIONS: dict[str, tuple[str, Callable[[Figures], str]]] = {
         "From photographs",
         lambda figures: f"{source(figures)}\n\n{photographs_page.section(figures)}",
     ),
+    "exports": ("Exports", exports_section),
 }
 HEAD = """# Validation
 

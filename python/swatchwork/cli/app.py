@@ -21,6 +21,7 @@ from .check import check
 from .console import stderr
 from .demo import demo
 from .evaluate import evaluate
+from .export import export
 from .info import info
 from .plan import plan
 from .reconstruct import reconstruct
@@ -72,7 +73,7 @@ def _common(
     pass
 
 
-for command in (reconstruct, relight, evaluate, plan, analyze, check, demo, reproduce, info):
+for command in (reconstruct, relight, export, evaluate, plan, analyze, check, demo, reproduce, info):
     text, _, examples = (command.__doc__ or "").partition("Examples:")
     app.command(help=text, epilog=f"[bold]Examples:[/bold]\n\n{dedent(examples).strip()}")(command)
 app.add_typer(prepare.app, name="prepare")

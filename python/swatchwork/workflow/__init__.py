@@ -9,6 +9,7 @@ from .checking import CheckSummary, check_capture
 from .costs import CostRecorder, StageCost
 from .demonstration import DemoSummary, run_demo
 from .describing import describe
+from .exporting import ExportSummary, export_material
 from .measuring import evaluate_folders
 from .planning import PlanSummary, plan_views
 from .preparing_calibrate import calibrate_photographs
@@ -25,6 +26,7 @@ __all__ = [
     "CheckSummary",
     "CostRecorder",
     "DemoSummary",
+    "ExportSummary",
     "PairsSummary",
     "PlanSummary",
     "ReconstructOptions",
@@ -40,6 +42,7 @@ __all__ = [
     "digest_of_the_package",
     "environments_of",
     "evaluate_folders",
+    "export_material",
     "fingerprints",
     "given_environment",
     "linearize_photographs",

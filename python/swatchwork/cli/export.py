@@ -1,0 +1,97 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""``swatchwork export``."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .console import session
+from .options import AsJson, Convention, Quiet, Threads, Verbose, parse_rotation, use_threads
+
+
+class Format(StrEnum):
+    """What to write."""
+
+    gltf = "gltf"
+    mitsuba = "mitsuba"
+    blender = "blender"
+    materialx = "materialx"
+    maps = "maps"
+
+
+class Axis(StrEnum):
+    """World axes that may point up."""
+
+    y = "y"
+    z = "z"
+
+
+def export(
+    material: Annotated[Path, typer.Argument(help="Material folder, as reconstruct writes it.")],
+    *,
+    target: Annotated[Format, typer.Option("--format", help="The program or format to write for.")],
+    output: Annotated[
+        Path,
+        typer.Option("--output", "-o", help="Folder of the export; for gltf it may be a file, NAME.glb."),
+    ],
+    cameras: Annotated[
+        Path | None,
+        typer.Option(
+            help="transforms.json with the cameras and light of the scene (mitsuba, blender).",
+            show_default="a made-up view and sky",
+        ),
+    ] = None,
+    environment: Annotated[
+        Path | None, typer.Option(help="HDR light-probe image to use instead of the one in --cameras.")
+    ] = None,
+    convention: Annotated[
+        Convention | None,
+        typer.Option(help="How that image's pixels stand for directions; required with --environment."),
+    ] = None,
+    environment_rotation: Annotated[
+        str | None,
+        typer.Option(metavar="AXIS:DEGREES", help="Turn the light about a world axis, such as z:90."),
+    ] = None,
+    up: Annotated[Axis, typer.Option(help="World axis that points up (gltf, where y does).")] = Axis.y,
+    threads: Threads = None,
+    as_json: AsJson = False,
+    verbose: Verbose = False,
+    quiet: Quiet = False,
+) -> None:
+    """Write a material for another program.
+
+    mitsuba: a scene and a BSDF plugin that renders the material exactly. maps: EXR and PNG images. gltf,
+    materialx and blender have one lobe where the material has many: it is fitted in rendered appearance, and
+    what that costs is said.
+
+    Examples:
+
+    swatchwork export my-material --format gltf -o my-object.glb
+
+    swatchwork export my-material --format mitsuba --cameras my-capture/test/transforms.json -o my-scene
+
+    swatchwork export my-material --format maps -o my-maps
+    """
+    rotation = parse_rotation(environment_rotation)
+    use_threads(threads)
+    from ..workflow import export_material
+
+    with session(as_json=as_json, quiet=quiet, verbose=verbose) as run:
+        summary = export_material(
+            material,
+            output,
+            target.value,
+            cameras=cameras,
+            environment=environment,
+            convention=None if convention is None else convention.value,
+            rotation=rotation,
+            z_up=up is Axis.z,
+            progress=run.progress,
+        )
+        run.say(summary.in_words())
+        run.result(summary.as_dict())

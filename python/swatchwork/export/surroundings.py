@@ -1,0 +1,85 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""The frames to render an exported material in: cameras, and light in the layouts that programs read.
+
+Latitude-longitude maps of the three layouts hold the same pixels in the same order, and differ in how their
+axes lie in the world: with (u, v) as in `light.conventions`, a direction in Blender's axes is that in
+Mitsuba's with the coordinates passed on by one, (x, y, z)_blender = (z, x, y)_mitsuba. That is a rotation;
+nothing is mirrored.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import F32, F64
+from ..capture import Camera
+from ..light import Environment, direction_from_uv
+from ..material import Material
+from ..simulate import camera_towards, look_at, procedural_environment
+
+BLENDER_FROM_MITSUBA = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """Frames: a name, a camera, and which of the lights it is under."""
+
+    names: tuple[str, ...]
+    cameras: tuple[Camera, ...]
+    lights: tuple[Environment, ...]
+    light_of_frame: tuple[int, ...]
+
+    @classmethod
+    def of(
+        cls, names: Sequence[str], cameras: Sequence[Camera], light_of_each: Sequence[Environment]
+    ) -> Surroundings:
+        """Frames with a light each; equal objects are kept once."""
+        lights = list({id(light): light for light in light_of_each}.values())
+        number = {id(light): i for i, light in enumerate(lights)}
+        return cls(
+            tuple(names), tuple(cameras), tuple(lights), tuple(number[id(light)] for light in light_of_each)
+        )
+
+    @classmethod
+    def made_up(cls, material: Material) -> Surroundings:
+        """One view of the object under a made-up overcast sky, z up, where nobody says better."""
+        low, high = material.vertices.min(axis=0), material.vertices.max(axis=0)
+        centre, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
+        towards = np.array([0.55, -0.75, 0.45]) / np.linalg.norm([0.55, -0.75, 0.45])
+        seen = camera_towards(towards, 512, radius)
+        pose = look_at(centre + towards * np.linalg.norm(seen.position), centre)
+        camera = Camera(512, 512, seen.fx, seen.fy, seen.cx, seen.cy, pose)
+        return cls(("view",), (camera,), (procedural_environment("overcast", 0, 256),), (0,))
+
+
+def latitude_longitude(light: Environment) -> tuple[Environment, F64]:
+    """The light as a latitude-longitude map, and the rotation world_from_mitsuba of its axes.
+
+    An angular map is looked up anew at twice its pixels; others stay as they are.
+    """
+    if light.convention == "debevec-angular":
+        side = light.radiance.shape[0]
+        v, u = np.mgrid[0:side, 0 : 2 * side] + 0.5
+        d = direction_from_uv("mitsuba", np.stack([u / (2 * side), v / side], axis=-1))
+        turn = light.world_from_environment
+        found = Environment(light.lookup(d @ turn.T).astype(np.float32), "mitsuba", turn, light.name)
+        return found, turn
+    turn = light.world_from_environment
+    return light, turn @ BLENDER_FROM_MITSUBA if light.convention == "blender" else turn
+
+
+def with_rows_at_poles(light: Environment) -> F32:
+    """A latitude-longitude map in rows at v = i / (2 H), [2 H + 1, W, 3], as Mitsuba reads one.
+
+    Bilinear between them is what is bilinear between ours, whose rows have their centres at (i + 1/2) / H.
+    """
+    raster = light.radiance
+    beyond = np.roll(raster, raster.shape[1] // 2, axis=1)
+    above, below = np.concatenate([beyond[:1], raster]), np.concatenate([raster, beyond[-1:]])
+    found = np.empty((2 * len(raster) + 1, *raster.shape[1:]), np.float32)
+    found[1::2], found[::2] = raster, (above + below) / 2
+    return found

@@ -1,0 +1,170 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""From a material folder to what other programs read."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from dataclasses import asdict, dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from ..capture import read_capture
+from ..errors import CaptureWarning, InputError
+from ..export import (
+    Padding,
+    StandardFit,
+    Surroundings,
+    check_free,
+    export_folder,
+    fit_standard,
+    glb_file,
+    write_blender,
+    write_maps,
+    write_materialx,
+    write_mitsuba,
+)
+from ..material import Material, read_material
+from ..progress import SILENT, Progress
+from ..relight import Lighting
+from .relighting import given_environment, rotation_matrix
+
+FORMATS = ("gltf", "mitsuba", "blender", "materialx", "maps")
+
+
+@dataclass(frozen=True)
+class ExportSummary:
+    """What was written, and what it lost."""
+
+    material: str
+    format: str
+    output: str
+    rendered_loss: float | None
+    """NRMS of the fitted model's pictures against the material's, under a light it was not fitted to; None
+    where nothing was fitted."""
+    clipped: float | None
+    """Share of texels whose base colour would have to be above 1."""
+    seconds: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return asdict(self)
+
+    def in_words(self) -> str:
+        """A line for a person."""
+        loss = ""
+        if self.rendered_loss is not None:
+            loss = f"; fitted to one lobe, which costs {100 * self.rendered_loss:.1f} % (NRMS, rendered)"
+        if self.clipped:
+            loss += f", {100 * self.clipped:.1f} % of the texels clipped at base colour 1"
+        return f"{self.format} in {self.output}{loss} ({self.seconds:.1f} s)"
+
+
+def export_material(
+    material_folder: str | PathLike[str],
+    output: str | PathLike[str],
+    target: str,
+    *,
+    cameras: str | PathLike[str] | None = None,
+    environment: str | PathLike[str] | None = None,
+    convention: str | None = None,
+    rotation: tuple[str, float] | None = None,
+    z_up: bool = False,
+    progress: Progress = SILENT,
+) -> ExportSummary:
+    """Write a material for another program.
+
+    Args:
+        material_folder: as ``reconstruct_folder`` writes it.
+        output: folder of the export; for ``gltf`` it may be a file, NAME.glb.
+        target: one of FORMATS.
+        cameras: transforms.json whose frames a scene (``mitsuba``, ``blender``) is to hold; without it there
+            is one made-up view under a made-up sky. Its images need not exist.
+        environment: light to use instead of the file's own; ``convention`` is then required.
+        rotation: world axis ("x", "y", "z") and degrees to turn the light by, right-handed.
+        z_up: for ``gltf``, whose y points up: the world's z does.
+
+    Raises:
+        InputError: material, cameras or light are wrong, the format is unknown, or something that is not
+            an export is in the way.
+        OutputError: it cannot be written; what was there before is intact.
+    """
+    start = time.perf_counter()
+    if target not in FORMATS:
+        raise InputError(f"no format {target!r}", expected=f"one of {', '.join(FORMATS)}")
+    scenes = target in ("mitsuba", "blender")
+    if not scenes and (cameras is not None or environment is not None or rotation is not None):
+        raise InputError(
+            f"cameras or light are given, but {target} holds neither",
+            expected="no --cameras, --environment or --environment-rotation",
+        )
+    as_file = target == "gltf" and Path(output).suffix.lower() == ".glb"
+    if not as_file:
+        check_free(output)
+    material = read_material(material_folder)
+    frames = _surroundings(material, cameras, environment, convention, rotation) if scenes else None
+    padding = Padding.of(material)
+    fit = fit_standard(material, progress) if target in ("gltf", "materialx", "blender") else None
+    name = Path(material_folder).resolve().name
+    if as_file:
+        assert fit is not None
+        glb_file(Path(output), material, fit, padding, z_up=z_up, name=name)
+    else:
+        with export_folder(output, target) as (folder, head):
+            if fit is not None:
+                head |= _loss(fit)
+            if target == "gltf" and fit is not None:
+                glb_file(folder / "object.glb", material, fit, padding, z_up=z_up, name=name)
+            elif target == "mitsuba" and frames is not None:
+                write_mitsuba(folder, material, padding, frames, progress)
+            elif target == "blender" and fit is not None and frames is not None:
+                write_blender(folder, material, fit, padding, frames)
+            elif target == "materialx" and fit is not None:
+                write_materialx(folder, material, fit, padding)
+            else:
+                write_maps(folder, material, padding, progress)
+    return ExportSummary(
+        str(material_folder),
+        target,
+        str(output),
+        fit.loss_nrms if fit else None,
+        fit.clipped if fit else None,
+        time.perf_counter() - start,
+    )
+
+
+def _loss(fit: StandardFit) -> dict[str, float]:
+    return {
+        "rendered_loss_nrms": fit.loss_nrms,
+        "rendered_loss_nrms_of_fitted_lights": fit.fit_nrms,
+        "base_colour_clipped": fit.clipped,
+    }
+
+
+def _surroundings(
+    material: Material,
+    cameras: str | PathLike[str] | None,
+    environment: str | PathLike[str] | None,
+    convention: str | None,
+    rotation: tuple[str, float] | None,
+) -> Surroundings:
+    given = given_environment(environment, convention)
+    lighting = Lighting(given, rotation_matrix(rotation))
+    if cameras is None:
+        made_up = Surroundings.made_up(material)
+        light = given or made_up.lights[0]
+        return Surroundings.of(made_up.names, made_up.cameras, [light.rotated(lighting.rotation)])
+    capture = read_capture(cameras, require_images=False)
+    if capture.occluder_paths:
+        warnings.warn(
+            f"{len(capture.occluder_paths)} occluders of {capture.file} are not part of the export: their "
+            "shadows will be missing",
+            CaptureWarning,
+            stacklevel=3,
+        )
+    lights = [lighting.of(capture, frame) for frame in capture.frames]
+    return Surroundings.of(
+        [frame.name for frame in capture.frames], [frame.camera for frame in capture.frames], lights
+    )
