@@ -437,23 +437,30 @@ def brightest_blobs(
     return blobs, np.array(towards), energy / energy.sum()
 
 
+WIDTH = 256
+"""Of the maps of real balls."""
+
+
 def test_real_lamps_agree_with_the_hdr_of_the_same_ball(shared: Path) -> None:
     merge = merged(shared, "Angle2")
     theirs = real_view(read_image(shared / "data/captures/mirror_ball/sphere_hdr_debevec.hdr").linear)
     apart = find_outline(merge, None, "ball")
-    # Two merges of the same photographs: outlines found apart differ by 3.6 px of a radius of 228.
-    np.testing.assert_allclose(apart.ball.centre_px, theirs.outline.ball.centre_px, atol=4)  # type: ignore[attr-defined]
+    # Two merges of the same photographs: outlines found apart differ by 3.6 px of a radius of 228. A ball of
+    # radius r has pi r pixels around its middle (`default_width`): 3.6 px are 1.3 texels of the map below.
+    texel_px = np.pi * theirs.outline.radius_px / WIDTH
+    away = np.linalg.norm(apart.ball.centre_px - theirs.outline.ball.centre_px)  # type: ignore[attr-defined]
+    assert away < 1.5 * texel_px
     ours = View(merge, np.zeros(merge.shape[:2], dtype=bool), theirs.outline, "ball")
-    a, b = (probe_of_views([v], [None], convention="mitsuba", width=256) for v in (ours, theirs))
+    a, b = (probe_of_views([v], [None], convention="mitsuba", width=WIDTH) for v in (ours, theirs))
     blobs, towards, share = brightest_blobs(b)
     _, own_towards, own_share = brightest_blobs(a, blobs)
     large = share > 0.05
     assert large.sum() >= 3
     off, ratio = degrees_between(towards, own_towards)[large], (own_share / share)[large]
     print(f"lamps {off.round(2)} degrees off, energy shares {share[large].round(3)}, ratios {ratio.round(3)}")
-    # Measured: 0.56, 0.22 and 0.26 degrees (a texel is 1.4), shares of the energy off by 1.3 % at most. Their
-    # merge weights the exposures otherwise near the clip level.
-    assert off.max() < 0.8
+    # Measured: 0.56, 0.22 and 0.26 degrees, where half a texel is 0.70; shares of the energy off by 1.3 % at
+    # most. Their merge weights the exposures otherwise near the clip level.
+    assert off.max() < 0.5 * 360 / WIDTH
     np.testing.assert_allclose(ratio, 1, atol=0.03)
 
 
