@@ -8,8 +8,9 @@ axes and chunk transforms):
 - camera axes x right, y down, z forward; a camera's transform is chunk_from_camera;
 - the chunk's (in newer files the component's) transform takes the chunk to the world:
   x_world = scale rotation x_chunk + translation;
-- with x = X / Z, y = Y / Z, r^2 = x^2 + y^2, and d = 1 + k1 r^2 + k2 r^4 + k3 r^6 + k4 r^8:
-  x' = x d + p1 (r^2 + 2 x^2) + 2 p2 x y, y' = y d + p2 (r^2 + 2 y^2) + 2 p1 x y,
+- with x = X / Z, y = Y / Z, r^2 = x^2 + y^2, d = 1 + k1 r^2 + k2 r^4 + k3 r^6 + k4 r^8, and
+  t = 1 + p3 r^2 + p4 r^4:
+  x' = x d + (p1 (r^2 + 2 x^2) + 2 p2 x y) t, y' = y d + (p2 (r^2 + 2 y^2) + 2 p1 x y) t,
   u = w / 2 + cx + x' f + x' b1 + y' b2, v = h / 2 + cy + y' f.
   So p1 and p2 are OpenCV's p2 and p1, and cx, cy are offsets from the image's centre;
 - pixel coordinates start at the image's corner, as ours.
@@ -21,6 +22,8 @@ geocentric, while its meshes are exported in a map projection.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -39,8 +42,14 @@ from swatchwork.prepare.importing.found import (
     mask_for,
     world_from_gl_camera,
 )
+from swatchwork.prepare.importing.metashape_lens import (
+    FITTED_PX,
+    OTHERS,
+    OURS,
+    OurLens,
+    our_lens,
+)
 
-UNSUPPORTED = ("b2", "k3", "k4", "p3", "p4")
 Element = ElementTree.Element
 
 
@@ -69,6 +78,7 @@ def read(request: Request) -> Found:
     beside = file.parent
     folder = image_folder(request, (beside / "images", beside / "photos", beside))
     shots, skipped = [], []
+    lenses: dict[str, Camera] = {}
     for camera in chunk.iterfind("cameras//camera"):
         label = camera.get("label", "")
         enabled = camera.get("enabled", "true").lower() in ("true", "1")
@@ -90,7 +100,10 @@ def read(request: Request) -> Found:
         image = image_named(folder, label, file)
         name = image.relative_to(folder).as_posix()
         mask = mask_for(request.masks, name)
-        shots.append(Shot(name, image, _camera(sensor, placed, label, file), mask))
+        sensor_id = camera.get("sensor_id", "")
+        if sensor_id not in lenses:
+            lenses[sensor_id] = _camera(sensor, label, file)
+        shots.append(Shot(name, image, replace(lenses[sensor_id], world_from_camera=placed), mask))
     if skipped:
         warnings.warn(
             CaptureWarning(
@@ -171,7 +184,8 @@ def _placements(chunk: Element, file: Path) -> dict[str, tuple[float, F64]]:
     return found
 
 
-def _camera(sensor: Element, pose: F64, label: str, file: Path) -> Camera:
+def _camera(sensor: Element, label: str, file: Path) -> Camera:
+    """Its lens, at the origin."""
     what = f"the sensor of {label}"
     calibrations = {c.get("class", "adjusted"): c for c in sensor.findall("calibration")}
     calibration = calibrations.get("adjusted", calibrations.get("initial"))
@@ -182,41 +196,44 @@ def _camera(sensor: Element, pose: F64, label: str, file: Path) -> Camera:
         raise InputError(
             f"{what} is of type {', '.join(sorted(kinds - {'frame'}))}", file=file, expected="frame"
         )
-    for key in UNSUPPORTED:
-        value = _number(calibration, key, 0.0, what, file)
-        if value != 0:
-            raise InputError(
-                f"{what} has {key} = {value:g}",
-                file=file,
-                expected="a lens of f, cx, cy, b1, k1, k2, p1, p2",
-                hint=f"Fix {key} at 0 in Camera Calibration and optimise, or export undistorted photographs",
-            )
     size = calibration.find("resolution")
     size = sensor.find("resolution") if size is None else size
     try:
         width, height = (int(size.get(key, "")) for key in ("width", "height"))  # type: ignore[union-attr]
     except (AttributeError, ValueError):
         raise InputError(f"{what} has no resolution", file=file, expected="width and height") from None
-    f = _number(calibration, "f", None, what, file)
-    lens = {
-        key: _number(calibration, key, 0.0, what, file) for key in ("cx", "cy", "b1", "k1", "k2", "p1", "p2")
-    }
+    given = {"f": _number(calibration, "f", None, what, file)}
+    given |= {key: _number(calibration, key, 0.0, what, file) for key in (*OURS[1:], *OTHERS)}
+    ours = our_lens(given, width, height)
+    _tell(ours, given, what, file)
+    f, b1, cx, cy, k1, k2, p1, p2 = (ours.values[key] for key in OURS)
     try:
         return Camera(
-            width,
-            height,
-            f + lens["b1"],
-            f,
-            width / 2 + lens["cx"],
-            height / 2 + lens["cy"],
-            pose,
-            k1=lens["k1"],
-            k2=lens["k2"],
-            p1=lens["p2"],
-            p2=lens["p1"],
+            width, height, f + b1, f, width / 2 + cx, height / 2 + cy, np.eye(4), k1=k1, k2=k2, p1=p2, p2=p1
         )
     except InputError as error:
         raise InputError(f"{what}: {error.found}", file=file, expected=error.expected) from error
+
+
+def _tell(ours: OurLens, given: Mapping[str, float], what: str, file: Path) -> None:
+    """Warn of a lens that is not quite the given one; refuse one that is not it at all."""
+    others = ", ".join(f"{key} = {given[key]:g}" for key in OTHERS if given[key])
+    # Written so that NaN is refused too.
+    if not ours.off_px < FITTED_PX:
+        raise InputError(
+            f"{what} has {others}; a lens of f, cx, cy, b1, k1, k2, p1, p2 is off by {ours.off_px:.2g} px",
+            file=file,
+            expected=f"less than {FITTED_PX:g} px over the image",
+            hint="Export undistorted photographs and their cameras from Metashape",
+        )
+    if others:
+        how = "f, b1, cx, cy, k1, k2, p1, p2 are fitted to it" if ours.fitted else "it is left out"
+        warnings.warn(
+            CaptureWarning(
+                f"{file}: {what} has {others}, which our lens has not; {how}, to {ours.off_px:.2g} px at most"
+            ),
+            stacklevel=4,
+        )
 
 
 def _number(parent: Element, key: str, default: float | None, what: str, file: Path) -> float:
