@@ -3,12 +3,13 @@
 """Where photographs were taken from, in the world of the object's mesh (paper, section 6)."""
 
 from swatchwork.prepare.registering.bundle import Bundle, refine
+from swatchwork.prepare.registering.first import Clues
 from swatchwork.prepare.registering.growing import Grown, Placed, grow
 from swatchwork.prepare.registering.motion import apart, moved, projected
 from swatchwork.prepare.registering.onto_mesh import Aligned, align_to_mesh
 from swatchwork.prepare.registering.pairs import Pairs, read_pairs, write_pairs
 from swatchwork.prepare.registering.posing import Posed, default_tolerance_px, pose_from_pairs
-from swatchwork.prepare.registering.register import Clues, FrameFit, Others, Registered, register
+from swatchwork.prepare.registering.register import FrameFit, Others, Registered, register
 from swatchwork.prepare.registering.resection import Resection, resect
 from swatchwork.prepare.registering.sliding import Extra
 from swatchwork.prepare.registering.structure import Structure, structure_from_motion
