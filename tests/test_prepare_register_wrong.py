@@ -34,8 +34,7 @@ def swap(folder: Path, a: str, b: str) -> None:
 
 
 def said(words: list[str], capsys: pytest.CaptureFixture[str]) -> tuple[int, dict, str]:
-    with pytest.warns(UserWarning):
-        status = main([*words, "--json"])
+    status = main([*words, "--json"])
     captured = capsys.readouterr()
     return status, json.loads(captured.out), captured.err
 
