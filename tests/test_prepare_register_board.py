@@ -103,7 +103,9 @@ def test_a_sphere_needs_no_mesh(tmp_path: Path, capsys) -> None:  # type: ignore
     (only,) = json.loads(capsys.readouterr().out)["photographs"]
     assert only["placed_by"] == "outline" and only["iou"] > 0.99
     capture = read_capture(tmp_path / "capture", require_images=False)
-    assert np.linalg.norm(read_mesh(tmp_path / "capture" / "mesh.obj").vertices, axis=1).max() == pytest.approx(RADIUS, rel=1e-4)
+    assert np.linalg.norm(
+        read_mesh(tmp_path / "capture" / "mesh.obj").vertices, axis=1
+    ).max() == pytest.approx(RADIUS, rel=1e-4)
     np.testing.assert_allclose(capture.frames[0].camera.position, [-30, 10, 200], atol=0.5)
     at = words.index("--masks")
     bare = [str(tmp_path / "other") if w == str(tmp_path / "capture") else w for w in words]

@@ -24,6 +24,7 @@ from swatchwork.prepare.registering.first import CORNER_PX, Clues, FirstPoses, f
 from swatchwork.prepare.registering.growing import Grown, grow
 from swatchwork.prepare.registering.least import misses_px, root_mean_square
 from swatchwork.prepare.registering.onto_mesh import align_to_mesh
+from swatchwork.prepare.registering.placing import carried
 from swatchwork.prepare.registering.refining import iou
 from swatchwork.prepare.registering.structure import structure_from_motion
 from swatchwork.prepare.registering.tracks import Features, Tracks, find_tracks, joined
@@ -124,8 +125,9 @@ def register(
             found = refine(scene, views, cameras, tracks, terms, scan_error=scan_error)
             cameras = found.cameras
             task.advance()
+    cameras = turned_back(found.cameras, [name for name, by in placed_by.items() if by == "outline"])
     frames = {}
-    for name, camera in found.cameras.items():
+    for name, camera in cameras.items():
         frames[name] = _fit(scene, by_name[name], camera, placed_by[name], clues, first, grown, found)
     suspicions = (*first.suspicions, *_suspicions(frames, grown))
     return Registered(frames, missing, suspicions, found.status)
@@ -141,6 +143,17 @@ def _by_structure(scene: RayScene, views: Sequence[View], start: Mapping[str, Ca
         structure = structure_from_motion(views, Path(folder))
     found = align_to_mesh(scene, structure, start)
     return {name: camera for name, camera in found.cameras.items() if name not in start}
+
+
+def turned_back(cameras: Mapping[str, Camera], outlined: Sequence[str]) -> dict[str, Camera]:
+    """All cameras turned about the sphere's centre, the origin, until the outlined one has the world's axes.
+
+    No outline holds that turn, so it drifts while the rest is refined; the sphere stays the same under it.
+    """
+    turn = np.eye(4)
+    for name in outlined[:1]:
+        turn[:3, :3] = cameras[name].world_from_camera[:3, :3].T
+    return carried(cameras, turn) if outlined else dict(cameras)
 
 
 def _fit(
