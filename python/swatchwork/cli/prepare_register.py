@@ -11,6 +11,16 @@ from typing import Annotated
 import typer
 
 from ..errors import InputError
+from .board_options import (
+    DICTIONARY,
+    MARKER,
+    CharucoSize,
+    Checker,
+    Dictionary,
+    Legacy,
+    Marker,
+    board_of,
+)
 from .console import session
 from .options import AsJson, Convention, Quiet, Verbose
 
@@ -29,9 +39,28 @@ def register(
         typer.Argument(help="Photographs of the object, or folders of them; best the linear EXRs."),
     ],
     *,
-    mesh: Annotated[Path, typer.Option(help="The object; its coordinates become the capture's world.")],
     intrinsics: Annotated[Path, typer.Option(help="Lens of all photographs: JSON of `prepare calibrate`.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="Capture folder to write: new, or empty.")],
+    mesh: Annotated[
+        Path | None,
+        typer.Option(
+            help="The object; its coordinates become the capture's world.",
+            show_default="required, or --sphere",
+        ),
+    ] = None,
+    sphere: Annotated[
+        float | None,
+        typer.Option(metavar="RADIUS", help="Instead of a mesh: the object is a sphere. Takes masks."),
+    ] = None,
+    board: Checker = None,
+    charuco: CharucoSize = None,
+    square: Annotated[
+        float | None,
+        typer.Option(metavar="LENGTH", help="Side of the board's squares, in the mesh's unit."),
+    ] = None,
+    marker: Marker = MARKER,
+    dictionary: Dictionary = DICTIONARY,
+    legacy: Legacy = False,
     pairs: Annotated[
         Path | None,
         typer.Option(help="Points marked in one or more photographs: JSON of `prepare pairs`."),
@@ -73,13 +102,19 @@ def register(
 
     Mark 6 to 12 points in one photograph and on the mesh first (`swatchwork prepare pairs`). Silhouettes
     refine that pose where there are masks; the other photographs follow by features that they share, and all
-    poses are refined together with the mesh held fixed. register.html shows the mesh over each photograph.
+    poses are refined together with the mesh held fixed. A board in the photographs that does not move with
+    respect to the object places all of them that show it, and pairs place the mesh among these; without pairs
+    the mesh's coordinates are the board's (origin at the first inner corner, x along the columns, z into the
+    board). A sphere needs neither scan nor pairs. register.html shows the mesh over each photograph.
 
     Examples:
 
     swatchwork prepare pairs linear/IMG_0001.exr --mesh scan.ply --intrinsics lens.json -o pairs.json
 
     swatchwork prepare register linear --mesh scan.ply --intrinsics lens.json --pairs pairs.json -o capture
+
+    swatchwork prepare register linear --sphere 20 --board 9x6 --square 5 --masks masks --intrinsics lens.json
+    -o capture
     """
     from ..capture import EnvironmentSource
     from ..workflow import register_photographs
@@ -96,10 +131,14 @@ def register(
             light = EnvironmentSource(environment, convention.value)
         elif convention is not None:
             raise InputError("--convention says how --environment is read", expected="--environment FILE too")
+        given = board_of(board, charuco, marker, dictionary, legacy)
         found = register_photographs(
             photographs,
             output,
             mesh=mesh,
+            sphere=sphere,
+            board=given,
+            square=square,
             intrinsics=intrinsics,
             pairs=pairs,
             masks=masks,

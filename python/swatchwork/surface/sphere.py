@@ -10,8 +10,8 @@ from swatchwork.errors import InputError
 from swatchwork.surface.mesh import Mesh
 
 ROWS = 128
-"""Of faces from pole to pole. The corners of a face, `a` = pi / rows wide and high, lie on the sphere, and its
-middle a^2 / 4 of the radius within it: 0.05 px of a radius of 350."""
+"""Of faces from pole to pole. The corners of a face, `a` = pi / rows wide and high, lie on the sphere, and
+its middle a^2 / 4 of the radius within it: 0.05 px of a radius of 350."""
 MARGIN = 0.01
 """Rim of the UV square left empty, for filters."""
 

@@ -141,10 +141,15 @@ def _exposure(shape: FrameShape) -> float:
     return exposure_for(shape.radiance, inside.astype(np.float32))
 
 
+def shown_part(shape: FrameShape) -> tuple[slice, slice]:
+    """Rows and columns of the reduced picture that `overlay` shows."""
+    around = shape.silhouette if shape.region is None else shape.silhouette | shape.region
+    return crop_box(around.astype(np.float32), 0.12)
+
+
 def overlay(shape: FrameShape, exposure: float | None = None, outlined: bool = True) -> U8:
     """The photograph around the object, with both outlines [H, W, 3], enlarged to a common size."""
-    around = shape.silhouette if shape.region is None else shape.silhouette | shape.region
-    rows, columns = crop_box(around.astype(np.float32), 0.12)
+    rows, columns = shown_part(shape)
     shown = display(shape.radiance, None, _exposure(shape) if exposure is None else exposure)
     pixels = shown[rows, columns, :3]
     scale = PICTURE_PX / max(pixels.shape[:2])

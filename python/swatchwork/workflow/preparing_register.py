@@ -16,15 +16,16 @@ from typing import Any
 from ..capture import Capture, EnvironmentSource, Frame, read_photograph, write_capture
 from ..errors import CaptureWarning, InputError
 from ..material import whole_folder
+from ..prepare import Board
 from ..prepare.importing.copying import Lights, bring_mesh, bring_photograph
 from ..prepare.importing.found import Shot
 from ..prepare.registering import Clues, Others, Registered, read_pairs, register
 from ..progress import SILENT, Progress
 from ..report import write_sheet
-from ..surface import RayScene, read_mesh
+from ..surface import RayScene, write_mesh_obj
 from .check_shapes import FrameShape, frame_shape
 from .preparing_calibrate import read_intrinsics
-from .register_inputs import photographs_to_register, read_views
+from .register_inputs import object_of, photographs_to_register, read_views
 from .register_page import register_sheet
 
 FIGURES, PAGE = "register.json", "register.html"
@@ -36,6 +37,9 @@ class RegisteredPhotograph:
 
     name: str
     placed_by: str
+    """pairs, board, outline, features or structure from motion."""
+    board_px: float | None
+    """rms distance of the board's corners from where its pose has them."""
     pairs_px: float | None
     """rms distance of the clicked pairs that agree."""
     pairs_left_out: tuple[int, ...]
@@ -82,6 +86,9 @@ class RegisterSummary:
         clicked = [p for p in self.photographs if p.pairs_px is not None]
         if clicked:
             text += f", clicked pairs within {max(p.pairs_px or 0 for p in clicked):.1f} px"
+        boards = [p.board_px for p in self.photographs if p.board_px is not None]
+        if boards:
+            text += f", the board's corners within {max(boards):.2f} px"
         ious = [p.iou for p in self.photographs if p.iou is not None]
         if ious:
             text += f"; silhouettes' intersection over union at least {min(ious):.3f}"
@@ -103,8 +110,11 @@ def register_photographs(
     photographs: Sequence[str | PathLike[str]],
     output: str | PathLike[str],
     *,
-    mesh: str | PathLike[str],
     intrinsics: str | PathLike[str],
+    mesh: str | PathLike[str] | None = None,
+    sphere: float | None = None,
+    board: Board | None = None,
+    square: float | None = None,
     pairs: str | PathLike[str] | None = None,
     masks: str | PathLike[str] | None = None,
     others: Others = "features",
@@ -119,6 +129,8 @@ def register_photographs(
         photographs: images of one size, or folders of them.
         output: the capture folder; new or empty.
         mesh: the object; its coordinates are the capture's world.
+        sphere: radius of the object instead of a mesh; one is made about the world's origin.
+        board: a board in the photographs, fixed to the object; ``square`` is the side of its squares.
         intrinsics: JSON of ``prepare calibrate``, of all photographs.
         pairs: JSON of ``prepare pairs``.
         masks: folder of masks, NAME.png or STEM.png for each photograph.
@@ -137,8 +149,14 @@ def register_photographs(
         raise InputError("exists already", file=folder, expected="a new folder, or an empty one")
     lens = read_intrinsics(intrinsics)
     files = photographs_to_register([Path(place) for place in photographs])
-    clues = Clues(read_pairs(Path(pairs)) if pairs is not None else {})
-    scene = RayScene([read_mesh(mesh)])
+    if board is not None and square is None:
+        raise InputError("a board is given without the size of its squares", expected="--square LENGTH too")
+    if board is None and square is not None:
+        raise InputError("--square is the size of a board's squares", expected="--board or --charuco too")
+    clicked = read_pairs(Path(pairs)) if pairs is not None else {}
+    clues = Clues(clicked, board, square or 0.0, sphere)
+    thing = object_of(mesh, sphere)
+    scene = RayScene([thing])
     views, mask_files = read_views(files, lens, Path(masks) if masks is not None else None, progress)
     found = register(
         scene, list(views.values()), clues, others=others, scan_error=scan_error, progress=progress
@@ -155,12 +173,16 @@ def register_photographs(
                 frames.append(bring_photograph(shot, fresh, light, link))
                 shapes.append(_shape(frames[-1], scene))
                 task.advance()
-        placed = bring_mesh(Path(mesh), fresh, False)
+        if mesh is not None:
+            placed = bring_mesh(Path(mesh), fresh, False)
+        else:
+            placed = fresh / "mesh.obj"
+            write_mesh_obj(placed, thing)
         write_capture(Capture(fresh, fresh / "transforms.json", placed, (), light, tuple(frames)), fresh)
         summary = _summary(folder, found, light is not None, time.perf_counter() - start)
         text = json.dumps(summary.as_dict(), indent=1, allow_nan=False)
         (fresh / FIGURES).write_text(text + "\n", encoding="utf-8")
-        write_sheet(fresh / PAGE, register_sheet(summary, shapes, found.missing))
+        write_sheet(fresh / PAGE, register_sheet(summary, shapes, found.missing, clicked))
     return summary
 
 
@@ -173,6 +195,7 @@ def _summary(folder: Path, found: Registered, lit: bool, seconds: float) -> Regi
         RegisteredPhotograph(
             name,
             fit.placed_by,
+            fit.board_px,
             fit.pairs_px,
             tuple(i + 1 for i in fit.pairs_out),
             fit.features,

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from ..prepare.boards import read_gray
 from ..prepare.importing.found import mask_for
 from ..prepare.registering import View
 from ..progress import SILENT, Progress
+from ..surface import Mesh, read_mesh, sphere_mesh
 
 
 def photographs_to_register(places: Sequence[Path]) -> list[Path]:
@@ -52,6 +54,21 @@ def photographs_to_register(places: Sequence[Path]) -> list[Path]:
             hint="Give either the EXRs or the files that they were made of",
         )
     return files
+
+
+def object_of(mesh: str | PathLike[str] | None, sphere: float | None) -> Mesh:
+    """The mesh read, or that of a sphere of a radius.
+
+    Raises:
+        InputError: both or neither are given, or it cannot be read.
+    """
+    if mesh is not None and sphere is not None:
+        raise InputError("both --mesh and --sphere are given", expected="one of them")
+    if sphere is not None:
+        return sphere_mesh(sphere)
+    if mesh is None:
+        raise InputError("no object is given", expected="--mesh FILE, or --sphere RADIUS")
+    return read_mesh(mesh)
 
 
 def read_views(

@@ -4,6 +4,7 @@
 
 from swatchwork.prepare.registering.bundle import Bundle, refine
 from swatchwork.prepare.registering.contours import ImageEdges, contour_terms, depth_contours
+from swatchwork.prepare.registering.first import Clues
 from swatchwork.prepare.registering.growing import Grown, Placed, grow
 from swatchwork.prepare.registering.motion import apart, moved, projected
 from swatchwork.prepare.registering.on_board import BoardPoses, board_poses
@@ -13,7 +14,7 @@ from swatchwork.prepare.registering.pairs import Pairs, read_pairs, write_pairs
 from swatchwork.prepare.registering.placing import PlacedRig, place_mesh
 from swatchwork.prepare.registering.posing import Posed, default_tolerance_px, pose_from_pairs
 from swatchwork.prepare.registering.refining import Refined, iou, refine_by_contours
-from swatchwork.prepare.registering.register import Clues, FrameFit, Others, Registered, register
+from swatchwork.prepare.registering.register import FrameFit, Others, Registered, register
 from swatchwork.prepare.registering.rematching import rematched
 from swatchwork.prepare.registering.resection import Resection, resect
 from swatchwork.prepare.registering.sliding import Extra

@@ -29,15 +29,15 @@ CLICK_PX = 2.0
 NOTHING = (np.zeros(0), np.zeros((0, 6)))
 
 
-def clicked(pairs: Mapping[str, Pairs]) -> Extra:
-    """The pairs of each photograph, by its name."""
+def clicked(pairs: Mapping[str, Pairs], sigma_px: float = CLICK_PX) -> Extra:
+    """The pairs of each photograph, by its name, with the standard deviation of a point of the image."""
 
     def terms(name: str, camera: Camera) -> tuple[F64, F64]:
         if name not in pairs:
             return NOTHING
         of = pairs[name]
         uv_px, by_step, _ = projected(camera, of.x_in_world)
-        return (uv_px - of.uv_px).ravel() / CLICK_PX, by_step.reshape(-1, 6) / CLICK_PX
+        return (uv_px - of.uv_px).ravel() / sigma_px, by_step.reshape(-1, 6) / sigma_px
 
     return terms
 

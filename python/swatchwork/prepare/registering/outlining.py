@@ -10,7 +10,7 @@ is believed only where it fits well and the next best does not.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -24,8 +24,11 @@ from swatchwork.prepare.registering.contours import BORDER_PX, without_specks
 from swatchwork.prepare.registering.motion import apart
 from swatchwork.prepare.registering.refining import iou, refine_by_contours
 from swatchwork.prepare.registering.view import View
+from swatchwork.progress import Progress
 from swatchwork.surface import RayScene
 
+STEP = 0.2
+"""Logarithm of the ratio of distances at which the mesh's silhouettes are cast."""
 TYPICAL = 0.8
 """Root of a silhouette's area over pi, over the object's radius: for a first guess of its distance."""
 DIRECTIONS = 2000
@@ -229,3 +232,37 @@ def _distinct(scene: RayScene, cameras: Sequence[Camera]) -> list[Camera]:
         if len(kept) == REFINED:
             break
     return kept
+
+
+class Outlines:
+    """Poses by silhouettes, which are sought only where nothing else places a photograph."""
+
+    def __init__(self, scene: RayScene, views: Mapping[str, View], progress: Progress) -> None:
+        self.scene, self.views, self.progress = scene, views, progress
+        self.why: dict[str, str] = {}
+        self._around: dict[int, Silhouettes] = {}
+
+    def around(self, distance: float) -> Silhouettes:
+        """The mesh's silhouettes from about that far, cast once for distances within a tenth."""
+        step = round(np.log(distance / self.scene.radius) / STEP)
+        if step not in self._around:
+            self._around[step] = silhouettes_around(self.scene, self.scene.radius * np.exp(step * STEP))
+        return self._around[step]
+
+    def of(self, names: Sequence[str], enough: int | None = None) -> dict[str, Camera]:
+        """Poses of those photographs whose silhouette leaves no doubt, ``enough`` of them or all."""
+        masked = [name for name in names if self.views[name].region is not None]
+        found: dict[str, Camera] = {}
+        if not masked:
+            return found
+        with self.progress.stage("Comparing silhouettes", len(masked)) as task:
+            for name in masked:
+                result = pose_from_outline(self.scene, self.views[name], self.around)
+                if result.camera is not None:
+                    found[name] = result.camera
+                else:
+                    self.why[name] = result.why
+                task.advance()
+                if len(found) == enough:
+                    break
+        return found

@@ -171,10 +171,10 @@ def fitted(
         return np.nan_to_num(np.concatenate(off), nan=FAR_PX)
 
     def residuals(step: F64) -> F64:
-        return misses(step).ravel()
+        return np.ravel(misses(step))
 
     def near_residuals(step: F64) -> F64:
-        return misses(step)[near].ravel()
+        return np.ravel(misses(step)[near])
 
     tolerance = max(default_tolerance_px(cameras_in_rig[name]) for name in pairs)
     best = np.zeros(7 if scaled else 6)

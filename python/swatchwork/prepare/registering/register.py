@@ -2,14 +2,15 @@
 # SPDX-License-Identifier: MIT
 """Where photographs were taken from, from the clues to the last refinement (paper, section 6).
 
-pairs, board or outline --start--> first poses --contours--> better ones
-photographs --features--> tracks --grow from the first poses--> all poses --refine together--> the answer
+pairs, board, sphere's outline or silhouette --start--> first poses --contours--> better ones
+photographs --features--> tracks --grow from the first poses--> most poses --silhouettes--> the rest
+all poses --refine together--> the answer
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Literal
@@ -18,15 +19,15 @@ import numpy as np
 
 from swatchwork.arrays import norm
 from swatchwork.capture import Camera
-from swatchwork.errors import InputError
 from swatchwork.prepare.registering.bundle import Bundle, refine
 from swatchwork.prepare.registering.evidence import clicked, silhouettes
+from swatchwork.prepare.registering.first import CORNER_PX, Clues, FirstPoses, first_poses
 from swatchwork.prepare.registering.growing import Grown, grow
+from swatchwork.prepare.registering.least import misses_px, root_mean_square
 from swatchwork.prepare.registering.onto_mesh import align_to_mesh
-from swatchwork.prepare.registering.outlining import Silhouettes, pose_from_outline, silhouettes_around
-from swatchwork.prepare.registering.pairs import Pairs
-from swatchwork.prepare.registering.posing import Posed, pose_from_pairs
-from swatchwork.prepare.registering.refining import iou, refine_by_contours
+from swatchwork.prepare.registering.outlining import Outlines
+from swatchwork.prepare.registering.placing import carried
+from swatchwork.prepare.registering.refining import iou
 from swatchwork.prepare.registering.rematching import rematched
 from swatchwork.prepare.registering.structure import structure_from_motion
 from swatchwork.prepare.registering.tracks import Features, Tracks, find_tracks, joined
@@ -37,23 +38,12 @@ from swatchwork.surface import RayScene
 ROUNDS = 3
 """Of finding the silhouettes' contours and refining all poses by them; the third moves them by hundredths of
 a pixel."""
-STEP = 0.2
-"""Logarithm of the ratio of distances at which the mesh's silhouettes are cast."""
 FEW = 50
 """Features shared by a photograph, below which the mesh guides a second search for matches."""
+POOR_IOU = 0.85
+"""Of mask and silhouette, from which down they do not belong together; a mask with a stand in it has 0.9."""
 Others = Literal["features", "colmap", "none"]
 """How photographs without a clue of their own are placed."""
-
-
-@dataclass(frozen=True, eq=False)
-class Clues:
-    """What places the first photographs.
-
-    Attributes:
-        pairs: points clicked, by the photograph's name.
-    """
-
-    pairs: Mapping[str, Pairs] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +52,9 @@ class FrameFit:
 
     Attributes:
         camera: its pose.
-        placed_by: "pairs", "features", "silhouette", "structure from motion".
+        placed_by: "pairs", "board", "outline" (of a sphere), "silhouette", "features", or "structure from
+            motion".
+        board_px: rms of the board's corners from where its pose has them.
         pairs_px: rms of the clicked pairs that agree; ``pairs_out`` numbers (from 0) of those that do not.
         features: sightings that it shares with other photographs; ``features_px`` their rms.
         iou: intersection over union of its region and the mesh's silhouette.
@@ -71,6 +63,7 @@ class FrameFit:
 
     camera: Camera
     placed_by: str
+    board_px: float | None
     pairs_px: float | None
     pairs_out: tuple[int, ...]
     features: int
@@ -116,35 +109,26 @@ def register(
         scan_error: standard deviation of the scan along its normal, world units.
 
     Raises:
-        InputError: nothing places a first photograph, pairs are of no photograph or fit no pose; pycolmap is
+        InputError: nothing places a first photograph, a clue is of no photograph or fits no pose; pycolmap is
             wanted and missing.
     """
     by_name = {view.name: view for view in views}
-    first = _from_pairs(by_name, clues.pairs)
-    agreeing = {name: _agreeing(clues.pairs[name], posed) for name, posed in first.items()}
-    start = {}
-    with progress.stage("Aligning contours", len(first)) as task:
-        for name, posed in first.items():
-            start[name] = refine_by_contours(scene, by_name[name], posed.camera, agreeing[name]).camera
-            task.advance()
-    placed_by = dict.fromkeys(start, "pairs")
     outlines = Outlines(scene, by_name, progress)
-    if not start:
-        start = outlines.first()
-        placed_by = dict.fromkeys(start, "silhouette")
+    first = first_poses(scene, views, clues, outlines, progress)
+    start, placed_by = first.cameras, dict(first.placed_by)
+    held = (clicked(first.pairs), clicked(first.corners, CORNER_PX))
     tracks = _no_tracks(views) if others == "none" else find_tracks(views, progress=progress)
     if others == "colmap":
         start |= _by_structure(scene, views, start)
         placed_by |= {name: "structure from motion" for name in start if name not in placed_by}
-    pair_terms = clicked(agreeing)
-    grown = grow(scene, views, start, tracks, (pair_terms,), scan_error=scan_error, progress=progress)
+    grown = grow(scene, views, start, tracks, held, scan_error=scan_error, progress=progress)
     placed_by |= {name: "features" for name in grown.cameras if name not in placed_by}
-    if found_too := outlines.of([name for name in by_name if name not in grown.cameras]):
-        placed_by |= dict.fromkeys(found_too, "silhouette")
-        start = grown.cameras | found_too
-        grown = grow(scene, views, start, tracks, (pair_terms,), scan_error=scan_error, progress=progress)
+    if clues.sphere is None and (more := outlines.of([n for n in by_name if n not in grown.cameras])):
+        placed_by |= dict.fromkeys(more, "silhouette")
+        start = grown.cameras | more
+        grown = grow(scene, views, start, tracks, held, scan_error=scan_error, progress=progress)
         placed_by |= {name: "features" for name in grown.cameras if name not in placed_by}
-    # Where silhouettes tell, features of shiny places that move with the light would only blur it.
+    # Where silhouettes tell, features of shiny places, which move with the light, would only blur it.
     bare = [n for shared, n in _shared(tracks, grown) if shared < FEW and by_name[n].region is None]
     if others != "none" and bare:
         tracks = rematched(scene, grown.cameras, tracks)
@@ -154,86 +138,25 @@ def register(
         if name not in grown.cameras
     }
     cameras = grown.cameras
+    trusted = [view for view in views if view.name not in first.masks_off]
     with progress.stage("Refining all poses together", ROUNDS) as task:
         for _ in range(ROUNDS):
-            terms = (pair_terms, silhouettes(scene, views, cameras))
+            terms = (*held, silhouettes(scene, trusted, cameras))
             found = refine(scene, views, cameras, tracks, terms, scan_error=scan_error)
             cameras = found.cameras
             task.advance()
+    cameras = turned_back(found.cameras, [name for name, by in placed_by.items() if by == "outline"])
     frames = {}
-    for name, camera in found.cameras.items():
+    for name, camera in cameras.items():
         frames[name] = _fit(scene, by_name[name], camera, placed_by[name], clues, first, grown, found)
-    return Registered(frames, missing, tuple(_suspicions(first, grown)), found.status)
-
-
-class Outlines:
-    """Poses by silhouettes, which are sought only where nothing else places a photograph."""
-
-    def __init__(self, scene: RayScene, views: Mapping[str, View], progress: Progress) -> None:
-        self.scene, self.views, self.progress = scene, views, progress
-        self.why: dict[str, str] = {}
-        self._around: dict[int, Silhouettes] = {}
-
-    def around(self, distance: float) -> Silhouettes:
-        """The mesh's silhouettes from about that far, cast once for distances within a tenth."""
-        step = round(np.log(distance / self.scene.radius) / STEP)
-        if step not in self._around:
-            self._around[step] = silhouettes_around(self.scene, self.scene.radius * np.exp(step * STEP))
-        return self._around[step]
-
-    def of(self, names: Sequence[str], enough: int | None = None) -> dict[str, Camera]:
-        """Poses of those photographs whose silhouette leaves no doubt, ``enough`` of them or all."""
-        masked = [name for name in names if self.views[name].region is not None]
-        found: dict[str, Camera] = {}
-        if not masked:
-            return found
-        with self.progress.stage("Comparing silhouettes", len(masked)) as task:
-            for name in masked:
-                result = pose_from_outline(self.scene, self.views[name], self.around)
-                if result.camera is not None:
-                    found[name] = result.camera
-                else:
-                    self.why[name] = result.why
-                task.advance()
-                if len(found) == enough:
-                    break
-        return found
-
-    def first(self) -> dict[str, Camera]:
-        """One photograph's pose, for there is no other clue; InputError where no silhouette gives one."""
-        found = self.of(list(self.views), enough=1)
-        if not found:
-            said = "; ".join(f"{name} {why}" for name, why in list(self.why.items())[:3])
-            raise InputError(
-                "nothing says where any photograph was taken from" + (f": {said}" if said else ""),
-                expected="6 to 12 pairs of points in one of them, or masks whose silhouettes are unlike",
-                hint="Click pairs with `swatchwork prepare pairs`",
-            )
-        return found
+    suspicions = (*first.suspicions, *_suspicions(frames, grown))
+    return Registered(frames, missing, suspicions, found.status)
 
 
 def _shared(tracks: Tracks, grown: Grown) -> list[tuple[int, str]]:
     """How many sightings each placed photograph shares with another, and its name."""
     count = np.bincount(tracks.frame, minlength=len(tracks.names))
     return [(int(count[i]), name) for i, name in enumerate(tracks.names) if name in grown.cameras]
-
-
-def _from_pairs(views: Mapping[str, View], pairs: Mapping[str, Pairs]) -> dict[str, Posed]:
-    marked = {name: of for name, of in pairs.items() if len(of)}
-    unknown = next((name for name in marked if name not in views), None)
-    if unknown is not None:
-        raise InputError(
-            f"there are pairs of {marked[unknown].photograph}, which is none of the photographs",
-            expected="one of " + ", ".join(list(views)[:8]) + (", ..." if len(views) > 8 else ""),
-        )
-    return {
-        name: pose_from_pairs(views[name].lens, of.uv_px, of.x_in_world, name=str(views[name].file))
-        for name, of in marked.items()
-    }
-
-
-def _agreeing(pairs: Pairs, posed: Posed) -> Pairs:
-    return Pairs(pairs.photograph, pairs.uv_px[posed.inliers], pairs.x_in_world[posed.inliers])
 
 
 def _no_tracks(views: Sequence[View]) -> Tracks:
@@ -248,24 +171,39 @@ def _by_structure(scene: RayScene, views: Sequence[View], start: Mapping[str, Ca
     return {name: camera for name, camera in found.cameras.items() if name not in start}
 
 
+def turned_back(cameras: Mapping[str, Camera], outlined: Sequence[str]) -> dict[str, Camera]:
+    """All cameras turned about the sphere's centre, the origin, until the outlined one has the world's axes.
+
+    No outline holds that turn, so it drifts while the rest is refined; the sphere stays the same under it.
+    """
+    turn = np.eye(4)
+    for name in outlined[:1]:
+        turn[:3, :3] = cameras[name].world_from_camera[:3, :3].T
+    return carried(cameras, turn) if outlined else dict(cameras)
+
+
 def _fit(
     scene: RayScene,
     view: View,
     camera: Camera,
     placed_by: str,
     clues: Clues,
-    first: Mapping[str, Posed],
+    first: FirstPoses,
     grown: Grown,
     found: Bundle,
 ) -> FrameFit:
     name = view.name
     pairs_px: float | None = None
     out: tuple[int, ...] = ()
-    if name in first:
-        of, posed = clues.pairs[name], first[name]
-        off = camera.project(of.x_in_world)[0] - of.uv_px
-        pairs_px = float(np.sqrt((off[posed.inliers] ** 2).sum(axis=1).mean()))
-        out = posed.outliers
+    if name in first.inliers:
+        of, inliers = clues.pairs[name], first.inliers[name]
+        off = misses_px(camera, of.uv_px, of.x_in_world)[inliers]
+        pairs_px = root_mean_square(off) if len(off) else None
+        out = tuple(int(i) for i in np.flatnonzero(~inliers))
+    board_px: float | None = None
+    if name in first.corners:
+        corners = first.corners[name]
+        board_px = root_mean_square(misses_px(camera, corners.uv_px, corners.x_in_world))
     rms = found.rms_px[name]
     deviation = found.deviation[name]
     known = bool(np.isfinite(deviation).all())
@@ -273,6 +211,7 @@ def _fit(
     return FrameFit(
         camera,
         placed_by,
+        board_px,
         pairs_px,
         out,
         grown.frames[name].shared,
@@ -283,26 +222,12 @@ def _fit(
     )
 
 
-def _suspicions(first: Mapping[str, Posed], grown: Grown) -> list[str]:
-    said = []
-    for name, posed in first.items():
-        if posed.outliers:
-            numbers = ", ".join(str(i + 1) for i in posed.outliers)
-            one = len(posed.outliers) == 1
+def _suspicions(frames: Mapping[str, FrameFit], grown: Grown) -> list[str]:
+    said = [f"{name}: {frame.why}" for name, frame in grown.frames.items() if frame.status == "contradicts"]
+    for name, frame in frames.items():
+        if frame.iou is not None and frame.iou < POOR_IOU:
             said.append(
-                f"{name}: pair {numbers} disagrees with the others and is left out"
-                if one
-                else f"{name}: pairs {numbers} disagree with the others and are left out"
+                f"{name}: its mask and the mesh's silhouette cover each other to {frame.iou:.2f} only; is "
+                "the mask, or the photograph, another one's?"
             )
-        if posed.ambiguous:
-            said.append(
-                f"{name}: another pose fits the pairs nearly as well ({posed.rival_px:.1f} px, this one "
-                f"{posed.rms_px:.1f} px); click points at other depths"
-            )
-        if posed.focal_off:
-            said.append(
-                f"{name}: the pairs fit better with a focal length {posed.focal_fits:.3f} times that of the "
-                "intrinsics; calibrate with the lens as it was for these photographs"
-            )
-    said += [f"{name}: {frame.why}" for name, frame in grown.frames.items() if frame.status == "contradicts"]
     return said

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Swatchwork contributors
 # SPDX-License-Identifier: MIT
-"""A sphere's place by its outline, exact in perspective; the outline says nothing of how the sphere is turned.
+"""A sphere's place by its outline, exact in perspective; how the sphere is turned it does not say.
 
 The centre is fixed by any outline, cut or whole: a sphere of known radius has one distance at which its cone
 of tangents is that wide.
@@ -114,10 +114,11 @@ def sphere_in_rig(
             rows.append(PerspectiveBall(view.lens, local).residual_px(points[view.name]))
         return rows
 
+    def residuals(x: F64) -> F64:
+        return np.concatenate(misses(radius * x))
+
     start = np.mean(centres, axis=0)
-    found = scipy.optimize.least_squares(
-        lambda x: np.concatenate(misses(radius * x)), start / radius, loss="cauchy", f_scale=TOLERANCE_PX
-    )
+    found = scipy.optimize.least_squares(residuals, start / radius, loss="cauchy", f_scale=TOLERANCE_PX)
     centre = radius * found.x
     rms_px = {view.name: root_mean_square(off) for view, off in zip(seen, misses(centre), strict=True)}
     return centre, rms_px
@@ -128,10 +129,11 @@ def _check_radius(poses: Mapping[str, F64], balls: Mapping[str, F64]) -> None:
     if len(balls) < 2:
         return
     # p + s d = c for each photograph: unknown are c and the common scale s of the distances.
-    rows = [np.column_stack([np.eye(3), -poses[name][:3, :3] @ ball]) for name, ball in balls.items()]
+    usual = float(np.mean([norm(ball) for ball in balls.values()]))
+    rows = [np.column_stack([np.eye(3), poses[n][:3, :3] @ ball / -usual]) for n, ball in balls.items()]
     A, b = np.concatenate(rows), np.concatenate([poses[name][:3, 3] for name in balls])
     x, _, rank, sv = np.linalg.lstsq(A, b, rcond=None)
-    scale = float(x[3])
+    scale = float(x[3]) / usual
     loose = rank < 4 or sv[-1] < 0.05 * sv[0]
     if not loose and scale > 0 and abs(np.log(scale)) > 5 * OFF:
         raise scale_error(

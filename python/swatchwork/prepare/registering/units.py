@@ -104,7 +104,7 @@ def check_silhouettes(
     posed: Camera,
     reached: float | None,
 ) -> None:
-    """Raises InputError where the silhouettes fit badly, and well once the rig is scaled about a photograph."""
+    """Raises InputError where the silhouettes fit badly, and well once the rig is scaled about one."""
     if reached is None or reached > POOR_IOU:
         return
     scale, fits = best_scale(scene, views, cameras_in_rig, name, posed, 1.0)
@@ -121,7 +121,7 @@ def best_scale(
     posed: Camera,
     about: float,
 ) -> tuple[float, float]:
-    """The scale of the rig near ``about`` whose other cameras see the mesh where their masks are, and the IoU.
+    """The scale of the rig near ``about`` by which its other cameras see their masks, and the IoU.
 
     Photograph ``name`` stays where it is. Without other masks the IoU is 0.
     """

@@ -1,0 +1,78 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""Registration of wrong input by the command: what it says, and that no wrong pose passes without a word."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import pytest
+
+from swatchwork.cli import main
+from swatchwork.prepare.registering import Pairs, write_pairs
+from swatchwork.surface import write_mesh_obj
+from synthetic_photographs import blob, photograph
+from test_prepare_register import card, clicks, command
+
+__all__ = ["card"]
+
+
+@pytest.fixture
+def other(card: Path, tmp_path: Path) -> Path:
+    """A copy of the card to spoil."""
+    return Path(shutil.copytree(card, tmp_path / "card"))
+
+
+def swap(folder: Path, a: str, b: str) -> None:
+    (folder / a).rename(folder / "aside.png")
+    (folder / b).rename(folder / a)
+    (folder / "aside.png").rename(folder / b)
+
+
+def said(words: list[str], capsys: pytest.CaptureFixture[str]) -> tuple[int, dict, str]:
+    status = main([*words, "--json"])
+    captured = capsys.readouterr()
+    return status, json.loads(captured.out), captured.err
+
+
+def test_swapped_photographs_are_told(other: Path, tmp_path: Path, capsys) -> None:  # type: ignore[no-untyped-def]
+    swap(other / "photos", "p0.png", "p2.png")
+    write_pairs(other / "pairs.json", {"p0": clicks(0), "p2": clicks(2)}, "mesh.obj")
+    _, found, _ = said(command(other, tmp_path / "capture"), capsys)
+    words = " ".join([*found["suspicions"], *found["missing"].values()])
+    assert "another" in words and any(name in words for name in ("p0", "p2")), words
+
+
+def test_a_foreign_photograph_is_left_out(other: Path, tmp_path: Path, capsys) -> None:  # type: ignore[no-untyped-def]
+    cv2.imwrite(str(other / "photos" / "p3.png"), photograph(3, texture=7).gray[:, ::-1])
+    assert main([*command(other, tmp_path / "capture"), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert set(found["missing"]) == {"p3"} and "same object" in found["missing"]["p3"]
+
+
+def test_the_mask_of_another_photograph_is_told(other: Path, tmp_path: Path, capsys) -> None:  # type: ignore[no-untyped-def]
+    swap(other / "masks", "p0.png", "p3.png")
+    _, found, _ = said(command(other, tmp_path / "capture"), capsys)
+    about = [words for words in found["suspicions"] if words.startswith(("p0", "p3"))]
+    assert about and all("mask" in words for words in about), found["suspicions"]
+
+
+def test_a_mirrored_mesh_with_right_pairs_is_told(other: Path, tmp_path: Path, capsys) -> None:  # type: ignore[no-untyped-def]
+    mesh = blob().meshes[0]
+    flipped = replace(
+        mesh,
+        vertices=mesh.vertices * [1, -1, 1],
+        normals=mesh.normals * [1, -1, 1],
+        faces=mesh.faces[:, ::-1],
+    )
+    write_mesh_obj(other / "mesh.obj", flipped)
+    right = clicks(0)
+    pairs = Pairs("p0.png", right.uv_px, right.x_in_world * [1, -1, 1])
+    write_pairs(other / "pairs.json", {"p0": pairs}, "mesh.obj")
+    assert main(command(other, tmp_path / "capture")) == 2
+    assert "mirror image" in capsys.readouterr().err
+    assert not (tmp_path / "capture").exists()
