@@ -17,6 +17,7 @@ from .preparing_probe import prepare_probe
 from .recovery import ReconstructSummary, digest_of_the_package, fingerprints, reconstruct_folder
 from .relighting import RelightSummary, given_environment, relight_folder
 from .scenes import environments_of
+from .viewing import ViewSummary, view_folder
 
 __all__ = [
     "AnalysisSummary",
@@ -29,6 +30,7 @@ __all__ = [
     "RelightSummary",
     "SolveOptions",
     "StageCost",
+    "ViewSummary",
     "analyze_views",
     "calibrate_photographs",
     "check_capture",
@@ -44,4 +46,5 @@ __all__ = [
     "reconstruct_folder",
     "relight_folder",
     "run_demo",
+    "view_folder",
 ]
