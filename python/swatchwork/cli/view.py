@@ -42,9 +42,9 @@ def view(
 ) -> None:
     """Look at a material from all sides, under any light, in a browser.
 
-    Opens the page that reconstruct wrote into the folder; makes one where there is none, or where --capture or
-    --light say what should be on it. The page is one file, needs no network, and takes any .hdr or .exr dropped
-    on it.
+    Opens the page that reconstruct wrote into the folder; makes one where there is none, or where --capture
+    or --light say what should be on it. The page is one file, needs no network, and takes any .hdr or .exr
+    that is dropped on it.
 
     Examples:
 

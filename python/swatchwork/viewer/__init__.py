@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: MIT
 """An interactive page: the material under any light, in a browser, from one file."""
 
-from .page import has_bundle, render_viewer, write_viewer
+from .page import bundled_script, render_viewer, write_viewer
 from .scene import Light, Shot, TexelMap, ViewerScene, shot_of
 
 __all__ = [
@@ -10,7 +10,7 @@ __all__ = [
     "Shot",
     "TexelMap",
     "ViewerScene",
-    "has_bundle",
+    "bundled_script",
     "render_viewer",
     "shot_of",
     "write_viewer",

@@ -20,17 +20,12 @@ from .packing import pack
 from .scene import ViewerScene
 
 BUNDLE = "bundle/viewer.js"
-BUILD = "scripts/build_viewer.py"
+BUILD = "scripts/packaging/build_viewer.py"
 POLICY = (
     "default-src 'none'; script-src '{hash}'; style-src 'unsafe-inline'; img-src data: blob:; "
     "connect-src 'none'; base-uri 'none'; form-action 'none'"
 )
 """Nothing is fetched from anywhere, and no script runs but the page's own."""
-
-
-def has_bundle() -> bool:
-    """Whether the viewer's script was built."""
-    return files(__package__).joinpath(BUNDLE).is_file()
 
 
 def bundled_script() -> str:
