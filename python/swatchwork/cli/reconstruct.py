@@ -168,8 +168,8 @@ def reconstruct(
 
     Writes a material folder: the materials found (svbrdf.json), where they are (blend.exr), the mesh, maps,
     report.html, the page to open first, and viewer.html, to turn and relight it in a browser. The folder
-    appears whole or not at all; finished parts are kept in OUTPUT.partial meanwhile, and after an interruption
-    the same command goes on from them.
+    appears whole or not at all; finished parts are kept in OUTPUT.partial meanwhile, and after an
+    interruption the same command goes on from them.
 
     Examples:
 

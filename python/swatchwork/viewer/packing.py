@@ -204,7 +204,7 @@ def _shot(blocks: Blocks, number: int, shot: Shot) -> dict[str, Any]:
     c = shot.camera
     return {
         "name": shot.name,
-        "block": blocks.add_file(f"shot.{number}", jpeg(shot.pixels)),
+        "block": blocks.add_file(f"shot.{number}", webp(shot.pixels)),
         "white": shot.white,
         "light": shot.light,
         "turn": np.asarray(shot.turn).tolist(),
@@ -215,10 +215,10 @@ def _shot(blocks: Blocks, number: int, shot: Shot) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def jpeg(pixels: U8) -> bytes:
-    """A JPEG of quality 88, without metadata."""
+def webp(pixels: U8) -> bytes:
+    """A WebP of quality 88."""
     file = io.BytesIO()
-    Image.fromarray(pixels).save(file, "JPEG", quality=88)
+    Image.fromarray(pixels).save(file, "WEBP", quality=88, alpha_quality=88)
     return file.getvalue()
 
 

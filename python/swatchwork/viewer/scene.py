@@ -44,7 +44,7 @@ class Shot:
 
     name: str
     pixels: U8
-    """[H, W, 3], 255 times (radiance / white) to the power of 1 / 2.2."""
+    """[H, W, 4]: 255 times (radiance / white) to the power of 1 / 2.2, premultiplied in linear light; and alpha."""
     white: float
     camera: Camera
     light: int
@@ -100,12 +100,13 @@ def shot_of(frame: Frame, white: float, light: int, turn: F64) -> Shot:
         camera, width=width, height=height, fx=camera.fx * x, fy=camera.fy * y, cx=camera.cx * x,
         cy=camera.cy * y, k1=0.0, k2=0.0, p1=0.0, p2=0.0,
     )  # fmt: skip
-    radiance = np.where(np.isfinite(photograph.radiance), photograph.radiance, 0).astype(np.float32)
+    alpha = photograph.alpha if photograph.mask is None else photograph.alpha * photograph.mask
+    radiance = np.concatenate([photograph.radiance, alpha[..., None]], axis=-1).astype(np.float32)
     if any((camera.k1, camera.k2, camera.p1, camera.p2)):
         radiance = _undistorted(radiance, camera)
     fitted = np.asarray(cv2.resize(radiance, (width, height), interpolation=cv2.INTER_AREA), np.float32)
-    coded = np.clip(fitted / white, 0, 1) ** (1 / 2.2)
-    return Shot(frame.name, np.round(255 * coded).astype(np.uint8), white, small, light, turn)
+    fitted[..., :3] = np.clip(fitted[..., :3] / white, 0, 1) ** (1 / 2.2)
+    return Shot(frame.name, np.round(255 * np.clip(fitted, 0, 1)).astype(np.uint8), white, small, light, turn)
 
 
 def _undistorted(radiance: F32, camera: Camera) -> F32:

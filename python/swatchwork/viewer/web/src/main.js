@@ -109,7 +109,8 @@ class Viewer {
       return;
     }
     if (!this.photographs.has(number)) {
-      const picture = await createImageBitmap(new Blob([fileOf(shot.block)], { type: "image/jpeg" }));
+      const file = new Blob([fileOf(shot.block)], { type: "image/webp" });
+      const picture = await createImageBitmap(file, { premultiplyAlpha: "none" });
       this.photographs.set(number, { texture: this.#photograph(picture), white: shot.white });
     }
     this.shot = shot;

@@ -77,7 +77,7 @@ export class Panel {
     const row = (text, control, output = null) => el("label", { className: "row" }, el("span", { textContent: text }), control, output);
     this.turnOut = el("output");
     this.evOut = el("output");
-    this.root.replaceChildren(
+    this.root.replaceChildren(...[
       el("header", {},
         el("div", { className: "brand" }, material.colours.slice(0, 4).map((c) => el("i", { style: `background:${c}` })), el("span", { textContent: "Swatchwork viewer" })),
         el("h1", { textContent: head.title }),
@@ -91,8 +91,8 @@ export class Panel {
       section("Under the pointer", this.readout),
       el("footer", {}, this.statusLine,
         el("p", { className: "note", textContent: `Lookups of the light a pixel: ${group(lookups.moving)} while moving, ${group(lookups.still)} in ${lookups.passes} passes when still.` }),
-        el("button", { type: "button", id: "help", textContent: "Keys  ?", onclick: () => this.help() })));
-    this.root.querySelectorAll("section").forEach((s) => s.childElementCount < 2 && s.remove());
+        el("button", { type: "button", id: "help", textContent: "Keys  ?", onclick: () => this.help() })),
+    ].filter(Boolean));
     this.keys = el("dialog", { id: "keys" }, el("h2", { textContent: "Keys" }),
       el("dl", {}, KEYS.map(([key, what]) => [el("dt", { textContent: key }), el("dd", { textContent: what })])),
       el("p", { className: "note", textContent: "Drag to orbit, wheel or pinch to come nearer, right button or two fingers to move. Shift and drag turns the light. Drop an .hdr or .exr file anywhere to light the object with it." }),

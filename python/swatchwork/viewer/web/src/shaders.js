@@ -425,8 +425,11 @@ void main() {
   vec3 found = mix(ground, own, alpha);
   vec2 inside = (down - uFrame.xy) / uFrame.zw;
   if (uSplit >= 0.0 && all(greaterThanEqual(inside, vec2(0.0))) && all(lessThan(inside, vec2(1.0)))) {
-    if (inside.x < uSplit)
-      found = coded(pow(texture(uPhotograph, inside).rgb, vec3(2.2)) * (uWhite * uPhotographExposure));
+    if (inside.x < uSplit) {
+      vec4 photograph = texture(uPhotograph, inside);
+      vec3 linear = pow(photograph.rgb, vec3(2.2)) * (uWhite * uPhotographExposure) / max(photograph.a, 0.02);
+      found = mix(ground, coded(linear), photograph.a);
+    }
   }
   if (uSplit >= 0.0 && abs(down.x - (uFrame.x + uSplit * uFrame.z)) < 1.0
       && inside.y >= 0.0 && inside.y < 1.0) found = vec3(0.96);

@@ -15,8 +15,8 @@ const FINE = 32, COARSEST = 8;
 const PASSES = ROUNDS * STILL.passes, MAP_PASSES = 16;
 /** Milliseconds that a band, and a picture while moving, should take. */
 const BAND_MS = 14, MOVING_MS = 30;
-/** Passes before their sum replaces the picture drawn while moving. */
-const ENOUGH = 4;
+/** Passes before their sum replaces the picture drawn while moving; where that is coarse, the first one does. */
+const ENOUGH = 4, COARSE = 0.7;
 
 export class Stage {
   constructor(renderer, head) {
@@ -26,9 +26,9 @@ export class Stage {
     this.up = new Vector3(...head.up);
     Object.assign(this, {
       object: null, light: null, turn: [[1, 0, 0], [0, 1, 0], [0, 0, 1]], angle: 0, ev: 0, map: null,
-      backdrop: false, ground: [0.09, 0.09, 0.1], photograph: null, split: 0.5, camera: null,
+      backdrop: false, ground: [0.09, 0.09, 0.1], photograph: null, split: 0.5, camera: null, paused: false,
     });
-    this.moving = { scale: 0.34, cells: COARSEST };
+    this.moving = { scale: 0.2, cells: COARSEST };
     this.rows = { pass: 24, diffuse: 64 };
     this.stale = { picture: true, cells: true };
     this.stats = { firstPicture: null, passes: 0, total: 1, movingMs: 0 };
@@ -45,6 +45,10 @@ export class Stage {
 
   get lightFromWorld() {
     return lightFromWorld(this.turn, this.up, this.angle);
+  }
+
+  get enough() {
+    return this.shownScale < COARSE ? 1 : ENOUGH;
   }
 
   get exposure() {
@@ -106,7 +110,7 @@ export class Stage {
 
   #frame() {
     requestAnimationFrame(() => this.#frame());
-    if (!this.object || !this.light || !this.camera || !this.#ready()) return;
+    if (this.paused || !this.object || !this.light || !this.camera || !this.#ready()) return;
     this.#resize();
     if (this.stale.picture) this.#move();
     else if (!this.#refine() && this.stale.shown) this.#show();
@@ -159,7 +163,7 @@ export class Stage {
     else renderer.pass(this.quick, this.object, this.view(width, height), this.#lit(renderer.tables.moving, 0));
     if (relit) [this.coarse, this.stale.cells, this.fine] = [true, false, null];
     this.stale.picture = false;
-    Object.assign(this, { done: 0, row: 0, diffuseRow: 0, current: null });
+    Object.assign(this, { done: 0, row: 0, diffuseRow: 0, shownScale: moving.scale });
     this.stillSince = performance.now();
     this.#show();
     this.#after((ms) => {
@@ -167,7 +171,7 @@ export class Stage {
       this.stats.movingMs = ms;
       const wanted = moving.scale * Math.sqrt(MOVING_MS / Math.max(ms, 1));
       // A screen's frame is the least that can be told: below it, go up slowly.
-      moving.scale = Math.min(1, Math.max(0.12, ms < 20 ? moving.scale * 1.15 : 0.5 * (moving.scale + wanted)));
+      moving.scale = Math.min(1, Math.max(0.12, ms < 20 ? moving.scale * 1.3 : 0.5 * (moving.scale + wanted)));
       if (relit) moving.cells = ms < 40 ? Math.min(16, moving.cells * 2) : COARSEST;
     });
   }
@@ -197,7 +201,7 @@ export class Stage {
       renderer.add(this.other, this.sum, this.pass);
       [this.sum, this.other] = [this.other, this.sum];
       [this.row, this.done] = [0, this.done + 1];
-      if (this.done >= ENOUGH) this.#show();
+      if (this.done >= this.enough) this.#show();
     } else if (this.stale.shown) this.#show();
     this.stats.passes = this.done;
     this.#after((ms) => (this.rows.pass = next(this.rows.pass, ms, height)));
@@ -205,7 +209,7 @@ export class Stage {
   }
 
   #show() {
-    const { renderer, photograph } = this, still = this.done >= ENOUGH, view = this.view();
+    const { renderer, photograph } = this, still = this.done >= this.enough, view = this.view();
     const frame = photograph ? this.camera(view.width, view.height).lens?.frame : null;
     renderer.show(still ? this.sum : this.quick, {
       uScale: still ? 1 / this.done : 1, uExposure: this.exposure, uCoded: Boolean(this.map), uBackdrop: this.backdrop,
