@@ -16,7 +16,7 @@ from swatchwork.relight import RelitScene
 from swatchwork.simulate import blend_pattern, camera_towards, in_basis, satin_materials, shape
 from swatchwork.surface import build_atlas
 
-ATLAS = 64
+ATLAS = 128
 WINDOW = 56, 44
 """Pixels of the pictures that are compared: windows of pictures of an object 160 pixels wide."""
 

@@ -22,12 +22,11 @@ export const ROUNDS = 4;
 
 const GOLDEN = 0.6180339887498949;
 
-/** Passes in an order whose beginnings are spread evenly, too. */
-const reversed = (j, passes) => {
-  let found = 0;
-  for (let bit = 1, back = passes >> 1; bit < passes; bit <<= 1, back >>= 1) if (j & bit) found |= back;
-  return found;
-};
+/**
+ * Which of the staggered sets of rings pass j walks. Four passes in a row, and the four in each quarter of a pixel
+ * (every fourth, see renderer.js), are each spread evenly: what one of them misses, a near one finds.
+ */
+const stagger = (j, passes) => (passes < 16 ? j : 4 * (((j >> 2) + j) & 3) + (j & 3));
 
 /**
  * The rings of all passes, and what each representative weighs on them.
@@ -41,7 +40,7 @@ export function ringTable(material, { rings, passes, sharpen }) {
   const all = [];
   const step = Math.log(OUTER / INNER) / (rings - 2);
   for (let j = 0; j < passes; j++) {
-    const shift = (reversed(j, passes) + 0.5) / passes - 0.5;
+    const shift = (stagger(j, passes) + 0.5) / passes - 0.5;
     const edge = (k) => INNER * Math.exp((k + shift) * step);
     const walk = [];
     for (let r = 0; r < rings; r++) {
@@ -49,7 +48,7 @@ export function ringTable(material, { rings, passes, sharpen }) {
       const t = r === 0 ? t1 / Math.SQRT2 : r === rings - 1 ? t0 * Math.SQRT2 : Math.sqrt(t0 * t1);
       const cosine = (v) => (v === Infinity ? 0 : 1 / Math.sqrt(1 + v * v));
       const solid = (2 * Math.PI * (cosine(t0) - cosine(t1))) / (AZIMUTHS * passes);
-      const turn = (((r * passes + reversed(j, passes)) * GOLDEN) % 1) * ((2 * Math.PI) / AZIMUTHS);
+      const turn = (((r * passes + stagger(j, passes)) * GOLDEN) % 1) * ((2 * Math.PI) / AZIMUTHS);
       const share = sigmas.map((s) => Math.exp(-((t0 / s) ** 2)) - (t1 === Infinity ? 0 : Math.exp(-((t1 / s) ** 2))));
       walk.push({ about: [cosine(t), t * cosine(t), turn, solid], share });
     }

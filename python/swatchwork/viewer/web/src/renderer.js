@@ -250,8 +250,8 @@ function offsets(j) {
   return { jitter: [x + dx / 4, y + dy / 4], dither: place((j * 11 + 6) & 15, 4) };
 }
 
-/** Places of a 4 x 4 grid, the first four, and each four after them, one in each quarter. */
-const ORDER = [1, 14, 7, 8, 2, 13, 4, 11, 0, 15, 6, 9, 3, 12, 5, 10];
+/** Places of a 4 x 4 grid; every fourth is in the same quarter. */
+const ORDER = [1, 14, 7, 8, 4, 11, 2, 13, 0, 15, 3, 12, 5, 10, 6, 9];
 
 /** A clip matrix whose picture is moved by a part of a pixel. */
 function moved(clip, [dx, dy], { width, height }) {
