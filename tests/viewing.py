@@ -16,8 +16,8 @@ from swatchwork.relight import RelitScene
 from swatchwork.simulate import blend_pattern, camera_towards, in_basis, satin_materials, shape
 from swatchwork.surface import build_atlas
 
-ATLAS = 128
-WINDOW = 56, 44
+ATLAS = 96
+WINDOW = 30, 24
 """Pixels of the pictures that are compared: windows of pictures of an object 160 pixels wide."""
 
 
