@@ -60,7 +60,7 @@ def planes(array: Array) -> bytes:
 
 def deflated(data: bytes) -> bytes:
     """Raw deflate, as browsers' DecompressionStream reads it."""
-    packer = zlib.compressobj(9, zlib.DEFLATED, -15)
+    packer = zlib.compressobj(6, zlib.DEFLATED, -15)
     return packer.compress(data) + packer.flush()
 
 

@@ -44,7 +44,7 @@ class Shot:
 
     name: str
     pixels: U8
-    """[H, W, 4]: 255 times (radiance / white) to the power of 1 / 2.2, of premultiplied radiance; and alpha."""
+    """[H, W, 4]: 255 times (radiance / white) to the power of 1 / 2.2, of premultiplied radiance; alpha."""
     white: float
     camera: Camera
     light: int
