@@ -8,16 +8,21 @@ export const CONVENTIONS = ["blender", "mitsuba", "debevec-angular"];
 
 const PI = Math.PI;
 
-/** Image point [u, v] of a direction, which need not be of unit length. */
-export function uvFromDirection(convention, x, y, z) {
+/** Image point `uv` of a direction, which need not be of unit length. */
+export function uvFromDirection(convention, x, y, z, uv) {
   if (convention === "debevec-angular") {
-    const across = Math.hypot(x, y), radius = Math.atan2(across, -z) / PI;
+    const across = Math.sqrt(x * x + y * y), radius = Math.atan2(across, -z) / PI;
     const scale = across > 0 ? radius / across : 0;
-    return [(1 + x * scale) / 2, (1 - y * scale) / 2];
+    uv[0] = (1 + x * scale) / 2;
+    uv[1] = (1 - y * scale) / 2;
+  } else if (convention === "blender") {
+    uv[0] = 0.5 - Math.atan2(y, x) / (2 * PI);
+    uv[1] = Math.atan2(Math.sqrt(x * x + y * y), z) / PI;
+  } else {
+    const u = Math.atan2(x, -z) / (2 * PI);
+    uv[0] = u < 0 ? u + 1 : u;
+    uv[1] = Math.atan2(Math.sqrt(x * x + z * z), y) / PI;
   }
-  if (convention === "blender") return [0.5 - Math.atan2(y, x) / (2 * PI), Math.atan2(Math.hypot(x, y), z) / PI];
-  const u = Math.atan2(x, -z) / (2 * PI);
-  return [u < 0 ? u + 1 : u, Math.atan2(Math.hypot(x, z), y) / PI];
 }
 
 /** Halves a raster {radiance, width, height} until it is at most `largest` wide; rows weigh by their solid angle. */
@@ -57,45 +62,48 @@ function onFace(face, s, t, d) {
 
 const solidAngle = (s, t) => (1 + s * s + t * t) ** -1.5;
 
+/** The raster with a pixel more on each side: beyond a pole the map goes on at the other side of it. */
+function bordered({ radiance, width, height }, wraps) {
+  const stride = width + 2, found = new Float32Array(stride * (height + 2) * 3), half = width >> 1;
+  for (let j = -1; j <= height; j++)
+    for (let i = -1; i <= width; i++) {
+      const beyond = j < 0 || j >= height, row = Math.min(Math.max(j, 0), height - 1);
+      const column = wraps ? (i + (beyond ? half : 0) + width) % width : Math.min(Math.max(i, 0), width - 1);
+      const from = (row * width + column) * 3, to = ((j + 1) * stride + i + 1) * 3;
+      for (let c = 0; c < 3; c++) found[to + c] = radiance[from + c];
+    }
+  return found;
+}
+
 /** Levels of a cube map, [level][face] as RGBA, from the base down to one texel, and the mean radiance. */
 export function cubeOf(raster, convention) {
-  const { radiance, width, height } = raster;
+  const { width, height } = raster, pixels = bordered(raster, convention !== "debevec-angular"), stride = (width + 2) * 3;
   // A texel at a face's middle is then no larger than a pixel.
   const power = 2 ** Math.ceil(Math.log2(width));
   const size = Math.min(512, Math.max(32, width <= 256 ? power : power / 2));
-  const wraps = convention !== "debevec-angular", half = width >> 1;
-  const fetch = (column, row, weight, sum) => {
-    if (wraps) {
-      // Beyond a pole the map goes on at the other side of it.
-      if (row < 0 || row >= height) (row = row < 0 ? -1 - row : 2 * height - 1 - row), (column += half);
-      column = ((column % width) + width) % width;
-    } else {
-      column = Math.min(Math.max(column, 0), width - 1);
-      row = Math.min(Math.max(row, 0), height - 1);
-    }
-    const at = (row * width + column) * 3;
-    for (let c = 0; c < 3; c++) sum[c] += weight * radiance[at + c];
-  };
-  const d = [0, 0, 0], sum = [0, 0, 0], samples = 2;
+  const d = [0, 0, 0], samples = 2, uv = [0, 0];
   let faces = [];
   for (let face = 0; face < 6; face++) {
     const texels = new Float32Array(size * size * 4);
     for (let j = 0; j < size; j++)
       for (let i = 0; i < size; i++) {
-        sum[0] = sum[1] = sum[2] = 0;
-        for (let b = 0; b < samples; b++)
-          for (let a = 0; a < samples; a++) {
-            onFace(face, (2 * (i + (a + 0.5) / samples)) / size - 1, (2 * (j + (b + 0.5) / samples)) / size - 1, d);
-            const uv = uvFromDirection(convention, d[0], d[1], d[2]);
-            const x = uv[0] * width - 0.5, y = uv[1] * height - 0.5;
-            const column = Math.floor(x), row = Math.floor(y), fx = x - column, fy = y - row;
-            fetch(column, row, (1 - fx) * (1 - fy), sum);
-            fetch(column + 1, row, fx * (1 - fy), sum);
-            fetch(column, row + 1, (1 - fx) * fy, sum);
-            fetch(column + 1, row + 1, fx * fy, sum);
-          }
+        let r = 0, g = 0, blue = 0;
+        for (let k = 0; k < samples * samples; k++) {
+          const a = k % samples, b = (k - a) / samples;
+          onFace(face, (2 * (i + (a + 0.5) / samples)) / size - 1, (2 * (j + (b + 0.5) / samples)) / size - 1, d);
+          uvFromDirection(convention, d[0], d[1], d[2], uv);
+          const x = uv[0] * width + 0.5, y = uv[1] * height + 0.5;
+          const column = Math.min(Math.floor(x), width), row = Math.min(Math.floor(y), height), fx = x - column, fy = y - row;
+          const p = row * stride + column * 3, q = p + stride;
+          const w00 = (1 - fx) * (1 - fy), w10 = fx * (1 - fy), w01 = (1 - fx) * fy, w11 = fx * fy;
+          r += w00 * pixels[p] + w10 * pixels[p + 3] + w01 * pixels[q] + w11 * pixels[q + 3];
+          g += w00 * pixels[p + 1] + w10 * pixels[p + 4] + w01 * pixels[q + 1] + w11 * pixels[q + 4];
+          blue += w00 * pixels[p + 2] + w10 * pixels[p + 5] + w01 * pixels[q + 2] + w11 * pixels[q + 5];
+        }
         const at = (j * size + i) * 4, scale = 1 / (samples * samples);
-        for (let c = 0; c < 3; c++) texels[at + c] = sum[c] * scale;
+        texels[at] = r * scale;
+        texels[at + 1] = g * scale;
+        texels[at + 2] = blue * scale;
         texels[at + 3] = solidAngle((2 * i + 1) / size - 1, (2 * j + 1) / size - 1);
       }
     faces.push(texels);

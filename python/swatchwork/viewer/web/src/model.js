@@ -76,10 +76,16 @@ export function ringTable(material, { rings, passes, sharpen }) {
   return { rings: used.length, passes, sharpen, width, ring, weight, lookups: used.length * AZIMUTHS * passes };
 }
 
-/** Diffuse coefficients [N, 25, 4], by shape of n.i times 5 plus shape of n.o. */
+/** Products [a, b] of a shape of n.i and a shape of n.o that some representative has. */
+export function diffusePairs({ diffuse }) {
+  const all = [...Array(25).keys()].map((k) => [Math.floor(k / 5), k % 5]);
+  const used = all.filter(([a, b]) => diffuse.some((rows) => rows[a][b].some((v) => v !== 0)));
+  return used.length ? used : [[0, 0]];
+}
+
+/** Coefficients [N, pairs, 4] of those products. */
 export function diffuseTable(material) {
-  const found = new Float32Array(material.N * 25 * 4);
-  material.diffuse.forEach((rows, n) =>
-    rows.forEach((row, a) => row.forEach((colour, b) => found.set(colour, (n * 25 + a * 5 + b) * 4))));
+  const pairs = diffusePairs(material), found = new Float32Array(material.N * pairs.length * 4);
+  material.diffuse.forEach((rows, n) => pairs.forEach(([a, b], k) => found.set(rows[a][b], (n * pairs.length + k) * 4)));
   return found;
 }

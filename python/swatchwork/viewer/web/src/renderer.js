@@ -5,11 +5,13 @@
 // a part of a pixel, with texels moved by a part of a texel, so that all together are antialiased and interpolated.
 
 import { Program, Target, cube, layers, texture2D } from "./gl.js";
-import { MOVING, STILL, diffuseTable, ringTable } from "./model.js";
+import { MOVING, STILL, diffusePairs, diffuseTable, ringTable } from "./model.js";
 import { brightness } from "./light.js";
 import * as shaders from "./shaders.js";
 
 const ONE = [0, 0, 1, 1];
+/** Texels along a side of the diffuse caches: while the light moves, and at most. */
+const QUICK = 256, LARGEST = 2048;
 
 export class Renderer {
   constructor(canvas, material, colours) {
@@ -31,7 +33,7 @@ export class Renderer {
       shaded: new Program(gl, SURFACE, shaders.shaded(material)),
       mapped: new Program(gl, SURFACE, shaders.MAPPED),
       where: new Program(gl, SURFACE, shaders.WHERE),
-      diffuse: new Program(gl, FLAT, shaders.DIFFUSE),
+      diffuse: new Program(gl, FLAT, shaders.diffuse(diffusePairs(material))),
       cells: new Program(gl, EVERYWHERE, shaders.CELLS),
       added: new Program(gl, EVERYWHERE, shaders.ADDED),
       shown: new Program(gl, EVERYWHERE, shaders.SHOWN),
@@ -39,7 +41,7 @@ export class Renderer {
     this.everywhere = gl.createVertexArray();
     this.tables = Object.fromEntries(
       Object.entries({ moving: MOVING, still: STILL }).map(([name, plan]) => [name, this.#table(plan)]));
-    this.diffuseTable = texture2D(gl, this.formats.table, 25, material.N, diffuseTable(material));
+    this.diffuseTable = texture2D(gl, this.formats.table, diffusePairs(material).length, material.N, diffuseTable(material));
     this.colours = texture2D(gl, this.formats.table, material.N, colours.length / (4 * material.N), colours);
     this.cells = {};
     this.pick = new Target(gl, this.formats.sum, 1, 1, { depth: true });
@@ -73,7 +75,7 @@ export class Renderer {
     const rows = shadowed ? Math.ceil(sky.length / (64 * 128)) : 1;
     const padded = new Uint32Array(rows * 64 * 128);
     if (shadowed) padded.set(sky);
-    const cached = Math.min(size, 2048);
+    const full = this.#cache(Math.min(size, LARGEST)), quick = size > QUICK ? this.#cache(QUICK) : full;
     return {
       vao, count: faces.length, size, shadowed,
       blend: layers(gl, size, size, blend),
@@ -81,8 +83,12 @@ export class Renderer {
       skyRow: texture2D(gl, [gl.R32UI, gl.RED_INTEGER, gl.UNSIGNED_INT], shadowed ? size : 1, shadowed ? size : 1,
         shadowed ? skyRow : new Uint32Array(1)),
       sky: texture2D(gl, words, 64 * 32, rows, padded),
-      cache: new Target(gl, this.formats.half, cached, cached, { count: 4 }),
+      full, quick, cache: quick,
     };
+  }
+
+  #cache(side) {
+    return new Target(this.gl, this.formats.half, side, side, { count: 4 });
   }
 
   /** Other blends for an object's texels. */
@@ -118,9 +124,9 @@ export class Renderer {
     this.#cover();
   }
 
-  /** Rows [first, last) of an object's diffuse cache. */
-  diffuse(object, side, first, last) {
-    const { gl } = this, { cache } = object, [power, towards] = this.cells[side].textures;
+  /** Rows [first, last) of one of an object's diffuse caches. */
+  diffuse(object, cache, side, first, last) {
+    const { gl } = this, [power, towards] = this.cells[side].textures;
     cache.bind();
     this.#plain();
     gl.enable(gl.SCISSOR_TEST);

@@ -148,7 +148,7 @@ void main() {
  * Diffuse radiance at each texel: for each shape of n.o its factor, 15 numbers and 1 for validity. The integral
  * over the cells is that of the core's diffuse.rs, at half its cells along a side or fewer.
  */
-export const DIFFUSE = `${HEAD}${OCTAHEDRAL}${SHAPES}${BLEND}${SKY}
+export const diffuse = (pairs) => `${HEAD}${OCTAHEDRAL}${SHAPES}${BLEND}${SKY}
 in vec3 vNormal;
 uniform sampler2D uPower;
 uniform sampler2D uTowards;
@@ -180,9 +180,7 @@ void main() {
       uint set = (a & 1u) + ((a >> 1) & 1u) + (b & 1u) + ((b >> 1) & 1u);
       if (set == 0u) continue;
       vec3 light = texelFetch(uPower, ivec2(i, j), 0).rgb * (c * 0.25 * float(set));
-      float s[5];
-      shapesOf(c, s);
-      for (int k = 0; k < 5; k++) E[k] += light * s[k];
+      ${pairs.some(([a]) => a > 0) ? "float s[5];\n      shapesOf(c, s);\n      for (int k = 0; k < 5; k++) E[k] += light * s[k];" : "E[0] += light;"}
     }
   }
   vec3 D[5] = vec3[5](vec3(0.0), vec3(0.0), vec3(0.0), vec3(0.0), vec3(0.0));
@@ -190,9 +188,8 @@ void main() {
     uint slot = texelFetch(uBlend, ivec3(texel, k), 0).r;
     float weight = float(slot & 0xffffu) / 65535.0;
     if (weight == 0.0) continue;
-    for (int a = 0; a < 5; a++)
-      for (int b = 0; b < 5; b++)
-        D[b] += weight * texelFetch(uDiffuse, ivec2(a * 5 + b, int(slot >> 16)), 0).rgb * E[a];
+    int row = int(slot >> 16);
+    ${pairs.map(([a, b], k) => `D[${b}] += weight * texelFetch(uDiffuse, ivec2(${k}, row), 0).rgb * E[${a}];`).join("\n    ")}
   }
   out0 = vec4(D[0], D[1].r);
   out1 = vec4(D[1].gb, D[2].rg);

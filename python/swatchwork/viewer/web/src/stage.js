@@ -64,8 +64,8 @@ export class Stage {
   /** So many passes at once, for scripts: linear radiance [height, width, 4], premultiplied. */
   still(view, passes = STILL.passes) {
     const { renderer } = this, { width, height } = view;
-    if (this.fine !== this.object.cache || this.stale.cells || this.coarse) this.#cells(FINE, true);
-    [this.coarse, this.stale.cells, this.fine] = [false, false, this.object.cache];
+    if (this.fine !== this.object || this.stale.cells || this.coarse) this.#cells(FINE, this.object.full);
+    [this.coarse, this.stale.cells, this.fine] = [false, false, this.object];
     const pass = this.#target(width, height, true);
     let sum = this.#target(width, height), other = this.#target(width, height);
     this.#clear(sum);
@@ -102,10 +102,12 @@ export class Stage {
     gl.clear(gl.COLOR_BUFFER_BIT);
   }
 
-  /** The light on the sky's cells, and all of the diffuse cache from them. */
-  #cells(side, whole) {
+  /** The light on the sky's cells, and all of a diffuse cache from them. */
+  #cells(side, cache) {
     this.renderer.prepareCells(this.light, this.lightFromWorld, side);
-    if (whole) this.renderer.diffuse(this.object, side, 0, this.object.cache.height);
+    if (!cache) return;
+    this.renderer.diffuse(this.object, cache, side, 0, cache.height);
+    this.object.cache = cache;
   }
 
   #frame() {
@@ -158,7 +160,7 @@ export class Stage {
       this.quick = this.#target(width, height, true);
     }
     const relit = this.stale.cells && !this.map;
-    if (relit) this.#cells(moving.cells, true);
+    if (relit) this.#cells(moving.cells, this.object.quick);
     if (this.map) renderer.map(this.quick, this.object, this.view(width, height), this.map, null);
     else renderer.pass(this.quick, this.object, this.view(width, height), this.#lit(renderer.tables.moving, 0));
     if (relit) [this.coarse, this.stale.cells, this.fine] = [true, false, null];
@@ -184,11 +186,14 @@ export class Stage {
     if (performance.now() - this.stillSince < 90) return Boolean(this.stale.shown && (this.#show(), true));
     this.started = performance.now();
     if (this.coarse && !this.map) {
-      const { height } = this.object.cache, last = Math.min(height, this.diffuseRow + this.rows.diffuse);
-      if (this.diffuseRow === 0) this.#cells(FINE, false);
-      renderer.diffuse(this.object, FINE, this.diffuseRow, last);
+      const { height } = this.object.full, last = Math.min(height, this.diffuseRow + this.rows.diffuse);
+      if (this.diffuseRow === 0) this.#cells(FINE, null);
+      renderer.diffuse(this.object, this.object.full, FINE, this.diffuseRow, last);
       this.diffuseRow = last;
-      if (last === height) [this.coarse, this.diffuseRow, this.fine] = [false, 0, this.object.cache];
+      if (last === height) {
+        this.object.cache = this.object.full;
+        [this.coarse, this.diffuseRow, this.fine] = [false, 0, this.object];
+      }
       this.#after((ms) => (this.rows.diffuse = next(this.rows.diffuse, ms, height)));
       return true;
     }
