@@ -39,7 +39,7 @@ SOFTWARE = [
     "--ignore-gpu-blocklist",
     "--no-sandbox",
 ]
-WINDOWS = ((65, 68), (126, 58), (61, 14))
+WINDOWS = ((69, 72), (134, 62), (65, 14))
 STILL = """([camera, passes]) => {
   const bytes = new Uint8Array(swatchwork.still(camera, passes).buffer);
   let text = "";

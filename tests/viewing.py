@@ -17,7 +17,7 @@ from swatchwork.simulate import blend_pattern, camera_towards, in_basis, satin_m
 from swatchwork.surface import build_atlas
 
 ATLAS = 96
-WINDOW = 28, 22
+WINDOW = 22, 16
 """Pixels of the pictures that are compared: windows of pictures of an object 160 pixels wide."""
 
 

@@ -40,7 +40,7 @@ export class Panel {
     const { head } = this.viewer;
     return [
       { name: "the material, lit", value: null },
-      { name: "representatives, blended colours", value: { kind: 0 }, legend: "chips" },
+      { name: "representatives, blended", value: { kind: 0 }, legend: "chips" },
       { name: "strongest representative", value: { kind: 1 }, legend: "chips" },
       { name: "weight of one representative", value: { kind: 2 }, legend: "heat", top: "100 %" },
       ...head.maps.map((map, number) => ({
