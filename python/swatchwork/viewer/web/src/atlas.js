@@ -23,17 +23,21 @@ export class Atlas {
 
   /** The texel at each pixel; in the gutter one that is near, ring by ring around the charts. */
   #filled() {
-    const { size, pixel } = this, at = new Int32Array(size * size).fill(-1);
+    const { size, pixel } = this, at = new Int32Array(size * size).fill(-1), queue = new Uint32Array(size * size);
     pixel.forEach((k, t) => (at[k] = t));
-    let front = Array.from(pixel);
-    while (front.length) {
-      const next = [];
-      for (const k of front) {
-        const column = k % size;
-        for (const [q, inside] of [[k - 1, column > 0], [k + 1, column < size - 1], [k - size, k >= size], [k + size, k < size * (size - 1)]])
-          if (inside && at[q] < 0) (at[q] = at[k]), next.push(q);
-      }
-      front = next;
+    queue.set(pixel);
+    let last = pixel.length;
+    const take = (from, to) => {
+      if (at[to] >= 0) return;
+      at[to] = at[from];
+      queue[last++] = to;
+    };
+    for (let first = 0; first < last; first++) {
+      const k = queue[first], column = k % size;
+      if (column > 0) take(k, k - 1);
+      if (column < size - 1) take(k, k + 1);
+      if (k >= size) take(k, k - size);
+      if (k < size * (size - 1)) take(k, k + size);
     }
     return at;
   }

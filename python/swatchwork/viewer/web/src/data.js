@@ -27,9 +27,9 @@ export async function arrayOf(head, name) {
   const Type = TYPES[type];
   const count = shape.reduce((a, b) => a * b, 1);
   const planes = await inflated(fileOf(name), count * Type.BYTES_PER_ELEMENT);
-  const bytes = new Uint8Array(planes.length);
   const size = Type.BYTES_PER_ELEMENT;
-  for (let b = 0; b < size; b++) {
+  const bytes = size === 1 ? planes : new Uint8Array(planes.length);
+  for (let b = 0; size > 1 && b < size; b++) {
     const from = b * count;
     for (let k = 0, to = b; k < count; k++, to += size) bytes[to] = planes[from + k];
   }

@@ -28,7 +28,7 @@ export class Stage {
       object: null, light: null, turn: [[1, 0, 0], [0, 1, 0], [0, 0, 1]], angle: 0, ev: 0, map: null,
       backdrop: false, ground: [0.09, 0.09, 0.1], photograph: null, split: 0.5, camera: null, paused: false,
     });
-    this.moving = { scale: 0.2, cells: COARSEST };
+    this.moving = { scale: 0.12, cells: COARSEST };
     this.rows = { pass: 24, diffuse: 64 };
     this.stale = { picture: true, cells: true };
     this.stats = { firstPicture: null, passes: 0, total: 1, movingMs: 0 };
