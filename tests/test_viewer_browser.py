@@ -177,7 +177,8 @@ def test_keys_move_the_picture(convex: Page) -> None:
     convex.page.keyboard.press("r")
     assert convex.run("[swatchwork.stage.angle, swatchwork.stage.ev]") == [0, 0]
     convex.page.keyboard.press("?")
-    assert convex.page.locator("#keys").is_visible()
+    keys = convex.page.locator("#keys")
+    assert keys.is_visible() and "turn the light" in keys.inner_text() and "[object" not in keys.inner_text()
     convex.page.keyboard.press("Escape")
     assert convex.said == []
 

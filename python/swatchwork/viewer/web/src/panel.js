@@ -20,7 +20,7 @@ export const rgb = (hex) => [1, 3, 5].map((k) => parseInt(hex.slice(k, k + 2), 1
 /** An element; every string among the children is text. */
 function el(tag, props = {}, ...children) {
   const node = Object.assign(document.createElement(tag), props);
-  node.append(...children.flat().filter((child) => child !== null));
+  node.append(...children.flat(2).filter((child) => child !== null));
   return node;
 }
 

@@ -37,9 +37,9 @@ export function viewOf(pose, lens, width, height, centre, radius) {
   };
 }
 
-/** The orbit's lens: a vertical field of view of 30 degrees. */
+/** The orbit's lens: a field of view of 30 degrees across the shorter side. */
 export function orbitLens(width, height) {
-  const f = (0.5 * Math.min(height, 1.25 * width)) / Math.tan((15 * Math.PI) / 180);
+  const f = (0.5 * Math.min(height, width)) / Math.tan((15 * Math.PI) / 180);
   return { fx: f, fy: f, cx: width / 2, cy: height / 2 };
 }
 
