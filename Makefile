@@ -8,6 +8,8 @@ DATA ?= ../shared/data
 CAPTURES ?= ../shared/captures
 FIGURES := target/validation
 BENCH := target/bench
+VIEWER := python/swatchwork/viewer
+VIEWER_SOURCES := $(VIEWER)/web/package.json $(VIEWER)/web/package-lock.json $(VIEWER)/web/build.mjs $(wildcard $(VIEWER)/web/src/*)
 RUST_SOURCES := Cargo.toml Cargo.lock $(shell find crates -name target -prune -o \( -name '*.rs' -o -name Cargo.toml \) -print)
 # Recipes run with the environment's tools first; an activated or conda environment must not win over it.
 VENV_ENV := env -u CONDA_PREFIX VIRTUAL_ENV="$(CURDIR)/$(VENV)"
@@ -18,7 +20,7 @@ VENV_ENV := env -u CONDA_PREFIX VIRTUAL_ENV="$(CURDIR)/$(VENV)"
 help: ## list what there is to make
 	@awk -F':.*## ' '/^[a-z-]+:.*## / {printf "  make %-14s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
-setup: $(VENV)/.installed ## make .venv with the package and its tools, from nothing
+setup: $(VENV)/.installed $(VIEWER)/bundle/viewer.js ## make .venv with the package and its tools, from nothing
 
 # The stamps: .tools is newer than what it was made from, .installed than the Rust it was built from.
 $(VENV)/.tools: pyproject.toml
@@ -32,6 +34,10 @@ $(VENV)/.tools: pyproject.toml
 $(VENV)/.installed: pyproject.toml $(RUST_SOURCES) $(VENV)/.tools
 	@scripts/quiet "setup: compiling the core, installing the package (1 to 3 minutes at first)" \
 	  $(VENV_ENV) $(BIN)/maturin develop --release --extras dev
+	@touch $@
+
+$(VIEWER)/bundle/viewer.js: $(VIEWER_SOURCES) $(VENV)/.installed
+	@scripts/quiet "setup: bundling the viewer" $(BIN)/python scripts/packaging/build_viewer.py
 	@touch $@
 
 demo: setup ## make a capture, recover its material, relight it, open demo/report.html
@@ -95,4 +101,4 @@ picture: setup ## make the README's picture, docs/picture.png, from the demo
 	$(BIN)/swatchwork demo $(DEMO) --picture docs/picture.png
 
 clean: ## remove what was built
-	rm -rf $(VENV) target $(DEMO)
+	rm -rf $(VENV) target $(DEMO) $(VIEWER)/bundle $(VIEWER)/web/node_modules

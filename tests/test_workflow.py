@@ -56,6 +56,9 @@ def test_material_folder_is_whole(material: Path) -> None:
     assert (found.n, found.N, found.basis.name) == (1, 2, "paper")
     assert {"transforms.json", "mesh.obj", "env.exr", "images/0001.exr"} <= set(found.inputs)
     assert "Content-Security-Policy" in (material / "report.html").read_text(encoding="utf-8")
+    assert 'href="viewer.html"' in (material / "report.html").read_text(encoding="utf-8")
+    viewer = (material / "viewer.html").read_text(encoding="utf-8")
+    assert "Content-Security-Policy" in viewer and '"images/0001.exr"' in viewer
     assert [p.name for p in material.parent.iterdir() if p.name.startswith(".")] == []
 
 

@@ -27,6 +27,7 @@ from .plan import plan
 from .reconstruct import reconstruct
 from .relight import relight
 from .reproduce import reproduce
+from .view import view
 
 HELP = """
 Recover what an object is made of from a few photographs under known natural light, and render it elsewhere.
@@ -40,6 +41,8 @@ EPILOG = """
 swatchwork reconstruct my-capture -o my-material
 
 swatchwork relight my-material --cameras my-capture/transforms.json -o renders
+
+swatchwork view my-material
 
 [bold]Exit codes:[/bold]  0 done; 1 a defect in swatchwork; 2 wrong input, said in one line; 130 interrupted.
 """
@@ -73,7 +76,7 @@ def _common(
     pass
 
 
-for command in (reconstruct, relight, export, evaluate, plan, analyze, check, demo, reproduce, info):
+for command in (reconstruct, relight, view, export, evaluate, plan, analyze, check, demo, reproduce, info):
     text, _, examples = (command.__doc__ or "").partition("Examples:")
     app.command(help=text, epilog=f"[bold]Examples:[/bold]\n\n{dedent(examples).strip()}")(command)
 app.add_typer(prepare.app, name="prepare")

@@ -155,6 +155,9 @@ def reconstruct(
             rich_help_panel=SEARCH,
         ),
     ] = 2.0,
+    viewer: Annotated[
+        bool, typer.Option("--viewer/--no-viewer", help="Also write viewer.html, the interactive page.")
+    ] = True,
     seed: Seed = 0,
     threads: Threads = None,
     as_json: AsJson = False,
@@ -163,9 +166,10 @@ def reconstruct(
 ) -> None:
     """Recover an object's material from a capture: photographs, mesh, environment.
 
-    Writes a material folder: the materials found (svbrdf.json), where they are (blend.exr), the mesh,
-    maps, and report.html, the page to open first. The folder appears whole or not at all; finished parts are
-    kept in OUTPUT.partial meanwhile, and after an interruption the same command goes on from them.
+    Writes a material folder: the materials found (svbrdf.json), where they are (blend.exr), the mesh, maps,
+    report.html, the page to open first, and viewer.html, to turn and relight it in a browser. The folder
+    appears whole or not at all; finished parts are kept in OUTPUT.partial meanwhile, and after an
+    interruption the same command goes on from them.
 
     Examples:
 
@@ -193,7 +197,9 @@ def reconstruct(
     )
     options = ReconstructOptions(resolution, basis.value, texels, solve, weighting.value, memory)
     with session(as_json=as_json, quiet=quiet, verbose=verbose) as run:
-        summary = reconstruct_folder(capture, output, options, views=views, progress=run.progress)
+        summary = reconstruct_folder(
+            capture, output, options, views=views, viewer=viewer, progress=run.progress
+        )
         run.say(summary.in_words())
-        run.say(f"Open {output / 'report.html'}")
+        run.say(f"Open {output / 'report.html'}" + (f", or {output / 'viewer.html'}" if viewer else ""))
         run.result(summary.as_dict())

@@ -13,10 +13,11 @@ from .curves import curve_plot
 from .html import Html
 from .model import Comparison, Figure, Picture, Report, StageCost, Trial
 from .page import render_page
-from .pictures import blend_colours, crop_box, display, exposure_for, heat, relative_error, shrink
+from .pictures import PALETTE, blend_colours, crop_box, display, exposure_for, heat, relative_error, shrink
 from .sheet import Section, Sheet, render_sheet
 
 __all__ = [
+    "PALETTE",
     "Comparison",
     "Figure",
     "Html",

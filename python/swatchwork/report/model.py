@@ -86,6 +86,8 @@ class Report:
     inputs: tuple[tuple[str, str], ...] = ()
     settings: tuple[tuple[str, str], ...] = ()
     costs: tuple[StageCost, ...] = ()
+    viewer: str = ""
+    """The interactive page, beside this one."""
     next_steps: tuple[tuple[str, str], ...] = field(default=())
     """(what, command) pairs: where to look next."""
     version: str = ""

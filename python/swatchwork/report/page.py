@@ -50,6 +50,7 @@ def _header(r: Report) -> Html:
         el("h1", r.title),
         el("p", r.summary, cls="lead") if r.summary else None,
         el("div", [figure(p) for p in r.hero], cls="hero") if r.hero else None,
+        el("p", el("a", "Turn it and light it yourself", href=r.viewer), cls="lead") if r.viewer else None,
         headline_figures(r.figures),
         _warnings(r),
     )

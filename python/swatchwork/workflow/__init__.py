@@ -20,6 +20,7 @@ from .preparing_register import RegisterSummary, register_photographs
 from .recovery import ReconstructSummary, digest_of_the_package, fingerprints, reconstruct_folder
 from .relighting import RelightSummary, given_environment, relight_folder
 from .scenes import environments_of
+from .viewing import ViewSummary, view_folder
 
 __all__ = [
     "AnalysisSummary",
@@ -35,6 +36,7 @@ __all__ = [
     "RelightSummary",
     "SolveOptions",
     "StageCost",
+    "ViewSummary",
     "analyze_views",
     "calibrate_photographs",
     "check_capture",
@@ -53,4 +55,5 @@ __all__ = [
     "register_photographs",
     "relight_folder",
     "run_demo",
+    "view_folder",
 ]

@@ -29,6 +29,7 @@ from .measuring import evaluate_folders
 from .pages import relit
 from .pictures import compare_pictures
 from .recovery import Recovered, recover
+from .viewing import VIEWER
 
 MARKER = "demo.json"
 SHAPE, LIGHTS, MATERIALS, BLENDED = "peanut", ("atelier", "overcast"), 4, 2
@@ -165,6 +166,7 @@ def demo_report(found: Recovered, measured: Evaluation, test: Path, renders: Pat
             *found.report.figures[1:],
         ),
         novel=tuple(novel),
+        viewer=f"material/{VIEWER}",
         novel_light=f"an {LIGHTS[1]} sky; the photographs were taken in an {LIGHTS[0]} with large windows",
         next_steps=(
             ("Your own capture, with a transforms.json like capture/transforms.json here:",

@@ -10,7 +10,7 @@ import time
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
 from os import PathLike
 from pathlib import Path
@@ -28,9 +28,11 @@ from ..reconstruct import Reconstruction, ReconstructOptions, reconstruct
 from ..report import Report, write_report
 from ..response import instruction_sets
 from ..surface import buffers_of
+from ..viewer import bundled_script, write_viewer
 from .checkpoints import checkpoints
 from .costs import CostRecorder, StageCost
-from .pages import reconstruction_report
+from .pages import reconstruction_report, relit
+from .viewing import VIEWER, viewer_of
 
 BRIGHTEST_ALBEDO = 1.05
 """Directional albedo at normal incidence above which exposures are in doubt; the excess is room for noise."""
@@ -96,6 +98,7 @@ def reconstruct_folder(
     options: ReconstructOptions | None = None,
     *,
     views: int | None = None,
+    viewer: bool = True,
     progress: Progress = SILENT,
 ) -> ReconstructSummary:
     """Reconstruct a capture folder into a material folder, which appears whole or not at all.
@@ -105,12 +108,14 @@ def reconstruct_folder(
         output: the material folder. Until it is whole, finished parts are kept beside it in ``OUT.partial``,
             and a run after an interrupted one with the same inputs and options goes on from them.
         views: use the first so many frames only.
+        viewer: also write the interactive page, ``viewer.html``.
 
     Raises:
-        InputError: the capture is wrong, or ``output`` holds something that is not a material.
+        InputError: the capture is wrong, ``output`` holds something that is not a material, or the viewer's
+            script was not built.
         OutputError: ``output`` cannot be written; what was there is intact.
     """
-    return recover(capture_folder, output, options, views=views, progress=progress).summary
+    return recover(capture_folder, output, options, views=views, viewer=viewer, progress=progress).summary
 
 
 def recover(
@@ -119,6 +124,7 @@ def recover(
     options: ReconstructOptions | None = None,
     *,
     views: int | None = None,
+    viewer: bool = True,
     progress: Progress = SILENT,
 ) -> Recovered:
     """As :func:`reconstruct_folder`, and hands back all that was found."""
@@ -126,6 +132,8 @@ def recover(
     costs = CostRecorder(progress)
     start = time.perf_counter()
     # Find out that the output cannot be written before the work, not after it.
+    if viewer:
+        bundled_script()
     with whole_folder_is_free(output), collected_warnings() as said:
         with costs.stage("read"):
             capture = read_capture(capture_folder)
@@ -142,11 +150,18 @@ def recover(
                 warn_of_bright_materials(material, capture)
                 summary = summarise(found, capture, output, start, costs.costs, resumed)
                 report = reconstruction_report(found, capture, material, costs.costs, said, summary.as_dict())
+                if viewer:
+                    report = replace(report, viewer=VIEWER)
 
-                def write_page(inside: Path) -> None:
+                def write_pages(inside: Path) -> None:
                     write_report(inside / "report.html", report)
+                    if viewer:
+                        title, lights = capture.root.resolve().name, found.rendering.lights
+                        with costs.stage("viewer"):
+                            shown = viewer_of(title, relit(found), material, capture, lights)
+                            write_viewer(inside / VIEWER, shown)
 
-                write_material(output, material, write_page)
+                write_material(output, material, write_pages)
     summary = summarise(found, capture, output, start, costs.costs, resumed)
     return Recovered(capture, found, material, summary, report)
 

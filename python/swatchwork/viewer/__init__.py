@@ -1,0 +1,17 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""An interactive page: the material under any light, in a browser, from one file."""
+
+from .page import bundled_script, render_viewer, write_viewer
+from .scene import Light, Shot, TexelMap, ViewerScene, shot_of
+
+__all__ = [
+    "Light",
+    "Shot",
+    "TexelMap",
+    "ViewerScene",
+    "bundled_script",
+    "render_viewer",
+    "shot_of",
+    "write_viewer",
+]

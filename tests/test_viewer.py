@@ -1,0 +1,219 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""The viewer's page as text: what is on it, that it asks nothing of any network, and how large it is."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import zlib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import viewing
+from swatchwork.capture import Camera, EnvironmentSource, Frame, write_exr
+from swatchwork.cli import main
+from swatchwork.errors import InputError, OutputError
+from swatchwork.light import Environment
+from swatchwork.material import write_material
+from swatchwork.reflectance import DIFFUSE_SHAPES, extended
+from swatchwork.relight import RelitScene
+from swatchwork.simulate import procedural_environment
+from swatchwork.viewer import Light, TexelMap, ViewerScene, render_viewer, shot_of, write_viewer
+from swatchwork.viewer.packing import Blocks, deflated, diffuse_by_shape, planes, up_axis
+
+ROOM = procedural_environment("room", 1, height=16)
+NASTY = "</script><script>alert('&\"')//"
+
+
+@pytest.fixture(scope="module")
+def knot() -> RelitScene:
+    return viewing.scene("knot", extended())
+
+
+@pytest.fixture(scope="module")
+def viewer(knot: RelitScene) -> ViewerScene:
+    values = np.full(knot.texel_of_pixel.shape, 0.1, np.float32)
+    values[::2] = np.nan
+    return ViewerScene(
+        title=NASTY,
+        scene=knot,
+        lights=(Light.of(NASTY, ROOM),),
+        maps=(TexelMap(NASTY, values, 0.2, "%"),),
+        notes=(NASTY,),
+    )
+
+
+@pytest.fixture(scope="module")
+def page(viewer: ViewerScene) -> str:
+    return render_viewer(viewer)
+
+
+def test_the_page_is_self_contained(page: str) -> None:
+    outside = re.sub(r"<script>.*?</script>", "", page, flags=re.S)
+    assert not re.search(r"(?:src|href)=[\"'](?!data:)", outside)
+    assert "@import" not in outside and "url(" not in outside
+    policy = re.search(r'Content-Security-Policy" content="([^"]*)"', page)
+    assert policy is not None
+    rules = dict(rule.strip().split(" ", 1) for rule in policy[1].split(";"))
+    assert rules["default-src"] == "'none'" and rules["connect-src"] == "'none'"
+    assert re.fullmatch(r"'sha256-[\w+/]+=*'", rules["script-src"])
+    assert not any("http" in rule for rule in rules.values())
+
+
+def test_names_are_text_wherever_they_stand(page: str) -> None:
+    # Two scripts end where they should: the head's JSON has no < at all, the title is escaped.
+    assert "alert('&\"')//" not in page.split('id="head"', maxsplit=1)[0]
+    head = re.search(r'<script type="application/json" id="head">(.*?)</script>', page, re.S)
+    assert head is not None and "<" not in head[1]
+    found = json.loads(head[1])
+    assert found["title"] == found["lights"][0]["name"] == found["maps"][0]["name"] == NASTY
+    blocks = found["blocks"]
+    assert page.count("<script") == page.count("</script>") == len(blocks) + 2
+
+
+def test_blocks_read_back(page: str, knot: RelitScene) -> None:
+    head = json.loads(re.findall(r'id="head">(.*?)</script>', page, re.S)[0])
+
+    def array(name: str) -> np.ndarray:
+        about = head["blocks"][name]
+        text = re.search(rf'id="block:{re.escape(name)}">([^<]*)<', page)
+        assert text is not None
+        kind = np.dtype(about["type"])
+        octets = np.frombuffer(zlib.decompress(base64.b64decode(text[1]), -15), np.uint8)
+        values = octets.reshape(kind.itemsize, -1).T.copy().view(kind).reshape(about["shape"])
+        return np.cumsum(values, axis=0, dtype=kind) if about["coding"] == "delta" else values
+
+    low, size = np.array(head["mesh"]["low"]), np.array(head["mesh"]["size"])
+    position = low + array("position") / 65535 * size
+    assert np.abs(position - knot.mesh.vertices).max() <= 0.51 / 65535 * size.max()
+    assert (array("faces") == knot.mesh.faces).all()
+    on = np.unpackbits(array("on"), bitorder="little").astype(bool)
+    texels = head["atlas"]["texels"]
+    assert on.sum() == texels == len(array("index.0"))
+    pixel = np.flatnonzero(on)
+    first = array("weight.0") / 65535
+    assert np.abs(first - knot.weight.reshape(-1, 2)[pixel, 0]).max() < 1e-5
+    assert (array("index.1") == knot.index.reshape(-1, 2)[pixel, 1]).all()
+    texel = knot.texel_of_pixel.ravel()[pixel]
+    assert (array("sky_row") == knot.sky.of_texel[texel] + 1).all()
+    assert (array("sky").view("<u8") == knot.sky.words).all()
+    light = array("light.0").view(np.float16).astype(np.float64) * head["lights"][0]["unit"]
+    # Half precision keeps eleven bits.
+    assert np.allclose(light, ROOM.radiance, rtol=5e-4, atol=1e-6 * ROOM.radiance.max())
+
+
+def test_a_map_keeps_what_is_not_known_apart(page: str, knot: RelitScene) -> None:
+    text = re.search(r'id="block:map.0">([^<]*)<', page)
+    assert text is not None
+    codes = np.frombuffer(zlib.decompress(base64.b64decode(text[1]), -15), np.uint8)
+    assert set(codes.tolist()) == {0, 128}
+
+
+def test_diffuse_kernels_fold_by_shape() -> None:
+    basis = extended()
+    weights = np.random.default_rng(0).random((2, len(basis.diffuse), 3))
+    folded = diffuse_by_shape(basis, weights)
+    o = np.array([np.sqrt(1 - 0.6**2), 0.0, 0.6])
+    i = np.array([0.0, np.sqrt(1 - 0.3**2), 0.3])
+    kernels = basis.evaluate(i, o)[len(basis.lobes) :]
+    of_light = np.array([f(np.array(0.3)) for f in DIFFUSE_SHAPES.values()])
+    of_viewer = np.array([f(np.array(0.6)) for f in DIFFUSE_SHAPES.values()])
+    found = np.einsum("nabc,a,b->nc", folded, of_light, of_viewer) / np.pi
+    assert np.allclose(found, np.einsum("k,nkc->nc", kernels, weights))
+
+
+def test_coding_is_undone_by_its_inverse() -> None:
+    blocks = Blocks()
+    blocks.add("x", np.array([[1, 65535], [2, 0], [65535, 7]], np.uint16), "delta")
+    octets = np.frombuffer(zlib.decompress(base64.b64decode(blocks.text["x"]), -15), np.uint8)
+    values = octets.reshape(2, -1).T.copy().view(np.uint16).reshape(3, 2)
+    assert (np.cumsum(values, axis=0, dtype=np.uint16) == [[1, 65535], [2, 0], [65535, 7]]).all()
+    assert zlib.decompress(deflated(planes(np.array([258], np.uint16))), -15) == b"\x02\x01"
+
+
+def test_up_is_what_cameras_agree_on() -> None:
+    pose = np.eye(4)
+    assert up_axis([Camera(4, 4, 4, 4, 2, 2, pose)]) == [0, 1, 0]
+    assert up_axis([]) == [0, 0, 1]
+
+
+def test_a_wide_light_is_halved() -> None:
+    wide = Environment(np.ones((1024, 2048, 3), np.float32), "mitsuba")
+    assert Light.of("wide", wide).environment.radiance.shape == (512, 1024, 3)
+
+
+def test_a_photograph_loses_its_lens_distortion(tmp_path: Path) -> None:
+    camera = Camera(64, 48, 60.0, 60.0, 32.0, 24.0, np.eye(4), k1=-0.2)
+    straight = replace(camera, k1=0.0)
+    # A point of light off the axis: where the lens put it, and where a pinhole would have.
+    direction = np.array([[0.3, 0.2, -1.0]])
+    image = np.zeros((48, 64, 4), np.float32)
+    seen, expected = (c.project(direction)[0][0] for c in (camera, straight))
+    image[..., 3] = 1
+    y, x = np.mgrid[0:48, 0:64] + 0.5
+    image[..., :3] = np.exp(-((x - seen[0]) ** 2 + (y - seen[1]) ** 2) / 8)[..., None]
+    write_exr(tmp_path / "a.exr", image)
+    source = EnvironmentSource(tmp_path / "env.exr", "mitsuba", np.eye(3))
+    shot = shot_of(Frame("a.exr", tmp_path / "a.exr", None, 1.0, camera, source), 1.0, 0, np.eye(3))
+    brightest = np.unravel_index(shot.pixels[..., 0].argmax(), (48, 64))
+    assert abs(brightest[1] + 0.5 - expected[0]) < 1 and abs(brightest[0] + 0.5 - expected[1]) < 1
+    assert shot.camera.k1 == 0 and shot.pixels.shape == (48, 64, 4)
+
+
+def test_size_of_a_large_atlas(viewer: ViewerScene, tmp_path: Path) -> None:
+    """Noise, the worst there is to deflate, for a whole atlas of 1024 x 1024 and three slots."""
+    small, size, n = viewer.scene, 1024, 3
+    rng = np.random.default_rng(0)
+    full = replace(
+        small,
+        texel_of_pixel=rng.integers(0, len(small.sky.of_texel), (size, size)).astype(np.int32),
+        index=rng.integers(0, 4, (size, size, n)).astype(np.uint8),
+        weight=rng.random((size, size, n)).astype(np.float32),
+    )
+    file = write_viewer(tmp_path / "page.html", replace(viewer, scene=full, maps=()))
+    # Real ones are half of that: docs of the room say.
+    assert file.stat().st_size < 20e6
+
+
+def test_a_missing_script_is_said(viewer: ViewerScene, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("swatchwork.viewer.page.BUNDLE", "bundle/none.js")
+    with pytest.raises(InputError, match=r"script was not built.*scripts/packaging/build_viewer\.py"):
+        render_viewer(viewer)
+
+
+def test_nothing_half_written(viewer: ViewerScene, tmp_path: Path) -> None:
+    (tmp_path / "page.html").mkdir()
+    with pytest.raises(OutputError, match="could not be written"):
+        write_viewer(tmp_path / "page.html", viewer)
+    assert [p.name for p in tmp_path.iterdir()] == ["page.html"]
+
+
+def test_needs_light(knot: RelitScene) -> None:
+    with pytest.raises(InputError, match="at least one environment"):
+        ViewerScene("dark", knot, ())
+
+
+def test_the_command(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("swatchwork.relight.scene.SKY_SAMPLES", 500)
+    write_material(tmp_path / "material", viewing.material("sphere", extended()))
+    write_exr(tmp_path / "sky.exr", ROOM.radiance)
+    command = ["view", str(tmp_path / "material"), "--no-open", "--json"]
+    assert main(command) == 0
+    made = json.loads(capsys.readouterr().out)
+    assert Path(made["page"]) == tmp_path / "material" / "viewer.html" and made["photographs"] == 0
+    before = Path(made["page"]).stat().st_mtime_ns
+    # The page is there: it is opened as it is.
+    assert main(command) == 0 and Path(made["page"]).stat().st_mtime_ns == before
+    capsys.readouterr()
+    light = ["--light", str(tmp_path / "sky.exr"), "-o", str(tmp_path / "look.html")]
+    assert main([*command, *light]) == 2
+    assert "--convention" in capsys.readouterr().err
+    assert main([*command, *light, "--convention", "blender"]) == 0
+    assert "sky.exr" in json.loads(capsys.readouterr().out)["lights"]

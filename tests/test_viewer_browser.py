@@ -1,0 +1,271 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""The viewer's page in a headless browser, beside `relight`, the same model on the CPU.
+
+Drawn by software, a picture takes seconds: those compared are windows of an object 160 pixels wide, and make
+32 of the 64 passes that a person's still picture has; the others change them by a few tenths of a per cent.
+"""
+
+from __future__ import annotations
+
+import base64
+import shutil
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+import viewing
+from swatchwork.arrays import F32
+from swatchwork.capture import Camera
+from swatchwork.evaluate import nrms
+from swatchwork.reflectance import extended, paper
+from swatchwork.relight import RelitScene, render
+from swatchwork.simulate import procedural_environment, random_directions
+from swatchwork.viewer import Light, Shot, TexelMap, ViewerScene, write_viewer
+
+sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+if CHROMIUM is None:
+    pytest.skip("no Chromium on this machine", allow_module_level=True)
+
+SOFTWARE = [
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--ignore-gpu-blocklist",
+    "--no-sandbox",
+]
+WINDOWS = ((69, 72), (134, 62), (65, 14))
+STILL = """([camera, passes]) => {
+  const bytes = new Uint8Array(swatchwork.still(camera, passes).buffer);
+  let text = "";
+  for (let k = 0; k < bytes.length; k += 32768) text += String.fromCharCode(...bytes.subarray(k, k + 32768));
+  return btoa(text);
+}"""
+
+
+def of_page(camera: Camera) -> dict[str, Any]:
+    names = ("width", "height", "fx", "fy", "cx", "cy")
+    return {name: getattr(camera, name) for name in names} | {"pose": camera.world_from_camera.tolist()}
+
+
+class Page:
+    """A page that was loaded, what it said and asked for, and the scene that is on it."""
+
+    def __init__(self, browser: Any, file: Path, viewer: ViewerScene) -> None:
+        self.viewer = viewer
+        self.said: list[str] = []
+        self.asked: list[str] = []
+        self.page = browser.new_page(viewport={"width": 460, "height": 300}, color_scheme="dark")
+        self.page.on("console", lambda message: self.said.append(message.text))
+        self.page.on("pageerror", lambda error: self.said.append(str(error)))
+        self.page.on("request", lambda request: self.asked.append(request.url))
+        write_viewer(file, viewer)
+        self.page.goto(file.as_uri())
+        self.run("swatchworkReady")
+        self.until("swatchwork.stage.stats.firstPicture !== null")
+        self.run("swatchwork.stage.paused = true")
+
+    def run(self, script: str, argument: Any = None) -> Any:
+        return self.page.evaluate(script, argument)
+
+    def until(self, script: str) -> None:
+        # The page's policy forbids what playwright's own wait does.
+        end = time.monotonic() + 30
+        while not self.run(script):
+            assert time.monotonic() < end, f"{script}: {self.said}"
+            time.sleep(0.05)
+
+    def drawn(self, script: str = "0") -> F32:
+        """What the canvas shows after a script, drawn while moving."""
+        self.run("swatchwork.stage.stats.firstPicture = null")
+        self.run(script)
+        self.run("swatchwork.stage.change(); swatchwork.stage.paused = false")
+        self.until("swatchwork.stage.stats.firstPicture !== null")
+        self.run("swatchwork.stage.paused = true")
+        png = np.frombuffer(self.page.locator("#stage").screenshot(), np.uint8)
+        found = cv2.imdecode(png, cv2.IMREAD_COLOR)
+        assert found is not None
+        return found.astype(np.float32)
+
+    def still(self, camera: Camera, passes: int = 32) -> F32:
+        text = self.run(STILL, [of_page(camera), passes])
+        return np.frombuffer(base64.b64decode(text), np.float32).reshape(camera.height, camera.width, 4)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with sync_api.sync_playwright() as playwright:
+        found = playwright.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE)
+        yield found
+        found.close()
+
+
+def viewer_of(scene: RelitScene) -> ViewerScene:
+    lights = (
+        Light.of("room", procedural_environment("room", 1, height=64)),
+        Light.of("overcast", procedural_environment("overcast", 2, height=64)),
+    )
+    camera = viewing.window(random_directions(1, seed=3)[0], 20, 20)
+    shot = Shot("one", np.full((30, 40, 4), 255, np.uint8), 4.0, camera, 1, np.eye(3))
+    values = np.full(scene.texel_of_pixel.shape, 0.1, np.float32)
+    return ViewerScene("test", scene, lights, (shot,), (TexelMap("residual", values, 0.2, "%"),))
+
+
+@pytest.fixture(scope="module")
+def convex(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Page:
+    return Page(
+        browser,
+        tmp_path_factory.mktemp("viewer") / "sphere.html",
+        viewer_of(viewing.scene("sphere", paper())),
+    )
+
+
+@pytest.fixture(scope="module")
+def concave(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Page:
+    return Page(
+        browser,
+        tmp_path_factory.mktemp("viewer") / "knot.html",
+        viewer_of(viewing.scene("knot", extended())),
+    )
+
+
+# What is left on the concave one is shadow edges as sharp as its texels, which the page interpolates.
+@pytest.mark.parametrize(("shape", "bound"), [("convex", 0.03), ("concave", 0.05)])
+def test_still_pictures_agree_with_relight(shape: str, bound: float, request: pytest.FixtureRequest) -> None:
+    page: Page = request.getfixturevalue(shape)
+    scene = page.viewer.scene
+    assert bool(len(scene.sky.words)) == (shape == "concave")
+    cameras = [viewing.window(d, *at) for d, at in zip(random_directions(3, seed=3), WINDOWS, strict=True)]
+    found = {}
+    for number, light in enumerate(page.viewer.lights):
+        page.run(f"swatchwork.setLight({number})")
+        for k, camera in enumerate(cameras):
+            reference, picture = render(scene, camera, light.environment), page.still(camera)
+            mask = reference[..., 3] > 0.5
+            found[light.name, k] = nrms(picture[..., :3], reference[..., :3], mask)
+            # So many places in a pixel measure its coverage to a few per cent, and less in the mean.
+            assert abs(picture[..., 3].mean() - reference[..., 3].mean()) < 0.01
+    assert max(found.values()) < bound, found
+    assert page.said == []
+
+
+def test_asks_for_nothing(convex: Page, concave: Page) -> None:
+    for page in (convex, concave):
+        assert [url for url in page.asked if not url.startswith(("file:", "data:", "blob:"))] == []
+        assert len([url for url in page.asked if url.startswith("file:")]) == 1
+
+
+def test_keys_move_the_picture(convex: Page) -> None:
+    convex.page.locator("#stage").focus()
+    before = convex.drawn()
+    assert np.array_equal(convex.drawn(), before)
+    convex.page.keyboard.press("ArrowLeft")
+    turned = convex.drawn()
+    assert np.abs(turned - before).max() > 20
+    convex.page.keyboard.press("ArrowRight")
+    assert np.abs(convex.drawn() - before).mean() < 0.5
+    convex.page.keyboard.press("]")
+    assert convex.run("swatchwork.stage.angle") == pytest.approx(np.radians(5))
+    assert np.abs(convex.drawn() - before).max() > 5
+    convex.page.keyboard.press(".")
+    assert convex.drawn().mean() > before.mean()
+    convex.page.keyboard.press("r")
+    assert convex.run("[swatchwork.stage.angle, swatchwork.stage.ev]") == [0, 0]
+    convex.page.keyboard.press("?")
+    keys = convex.page.locator("#keys")
+    assert keys.is_visible() and "turn the light" in keys.inner_text() and "[object" not in keys.inner_text()
+    convex.page.keyboard.press("Escape")
+    assert convex.said == []
+
+
+@pytest.mark.parametrize("kind", ["hdr", "exr"])
+def test_a_dropped_light_is_the_one_in_the_file(convex: Page, kind: str, tmp_path: Path) -> None:
+    light = procedural_environment("overcast", 2, height=64)
+    file = tmp_path / f"dropped.{kind}"
+    if kind == "hdr":
+        cv2.imwrite(str(file), np.ascontiguousarray(light.radiance[..., ::-1]))
+    else:
+        from swatchwork.capture import write_exr
+
+        write_exr(file, light.radiance)
+    camera = viewing.window(random_directions(1, seed=3)[0], 60, 65)
+    convex.run("swatchwork.setLight(1)")
+    same = convex.still(camera, 4)
+    script = """async ([text, name, convention]) => {
+      const bytes = Uint8Array.from(atob(text), c => c.charCodeAt(0)), data = new DataTransfer();
+      data.items.add(new File([bytes], name));
+      const event = { bubbles: true, cancelable: true, dataTransfer: data };
+      const last = () => swatchwork.lights.at(-1);
+      document.body.dispatchEvent(new DragEvent("drop", event));
+      while (last().name !== name || !last().held) await new Promise(r => setTimeout(r, 20));
+      await swatchwork.setConvention(convention);
+    }"""
+    convex.run(script, [base64.b64encode(file.read_bytes()).decode(), file.name, light.convention])
+    found = convex.still(camera, 4)
+    # RGBE keeps eight bits of the brightest channel.
+    assert nrms(found[..., :3], same[..., :3], same[..., 3] > 0.5) < 0.01
+    assert convex.page.locator("#light").evaluate("e => e.selectedOptions[0].text") == file.name
+    assert convex.said == []
+
+
+def test_a_file_that_is_no_light_is_said(convex: Page) -> None:
+    said = convex.run("swatchwork.panel.open(new File(['x'], 'photo.jpg')).catch(e => e.message)")
+    assert said == "photo.jpg is not a light probe: drop an .hdr or .exr file"
+    said = convex.run("swatchwork.panel.open(new File(['nothing'], 'a.hdr')).catch(e => e.message)")
+    assert said.startswith("a.hdr cannot be read")
+
+
+def test_photograph_beside_the_material(convex: Page) -> None:
+    convex.run("swatchwork.panel.pickShot(0)")
+    assert convex.run("swatchwork.light") == 1
+    white = [
+        float((convex.drawn(f"swatchwork.stage.split = {s}").min(axis=-1) > 250).mean()) for s in (0.1, 0.9)
+    ]
+    # The photograph is plain white, and the more of it is shown.
+    assert white[1] > white[0] + 0.2
+    handle = convex.page.locator("#handle")
+    assert handle.is_visible()
+    handle.focus()
+    convex.page.keyboard.press("ArrowLeft")
+    assert convex.run("swatchwork.stage.split") == pytest.approx(0.88)
+    # Orbiting leaves the photograph's camera.
+    convex.run("swatchwork.orbit.turn(0.1, 0)")
+    assert convex.run("swatchwork.shot") is None and not handle.is_visible()
+    assert convex.said == []
+
+
+def test_maps_and_spheres(concave: Page) -> None:
+    lit = concave.drawn()
+    pictures = [concave.drawn(f"swatchwork.panel.pickMap({k})") for k in (1, 2, 3, 4, 5, 6)]
+    assert all(np.abs(picture - lit).max() > 20 for picture in pictures)
+    values = concave.run("swatchwork.valuesOf(0).then(v => v.texels[0])")
+    assert values == 128  # half of the map's top
+    concave.run("swatchwork.panel.pickMap(0)")
+    spheres = [concave.drawn(f"swatchwork.panel.pickSphere({n})") for n in (0, 1)]
+    assert np.abs(spheres[0] - spheres[1]).max() > 5
+    concave.run("swatchwork.panel.pickSphere(null)")
+    assert np.abs(concave.drawn() - lit).mean() < 0.5
+    assert concave.said == []
+
+
+def test_the_read_out_is_the_texel(concave: Page) -> None:
+    scene = concave.viewer.scene
+    concave.run("swatchwork.compare(null)")
+    x, y, found = concave.run("""() => {
+      const { clientWidth: w, clientHeight: h } = swatchwork.canvas;
+      for (let j = 1; j < 20; j++) for (let i = 1; i < 20; i++) {
+        const found = swatchwork.at(w * i / 20, h * j / 20);
+        if (found) return [i, j, found];
+      }
+    }""")
+    assert 0 < x < 20 and 0 < y < 20
+    u, v = found["uv"]
+    row, column = int((1 - v) * viewing.ATLAS), int(u * viewing.ATLAS)
+    blend = dict(zip(scene.index[row, column].tolist(), scene.weight[row, column].tolist(), strict=True))
+    for index, weight in found["blend"]:
+        assert weight == pytest.approx(blend[index], abs=1e-4)
