@@ -49,9 +49,18 @@ def test_swapped_photographs_are_told(other: Path, tmp_path: Path, capsys) -> No
 
 def test_a_foreign_photograph_is_left_out(other: Path, tmp_path: Path, capsys) -> None:  # type: ignore[no-untyped-def]
     cv2.imwrite(str(other / "photos" / "p3.png"), photograph(3, texture=7).gray[:, ::-1])
-    assert main([*command(other, tmp_path / "capture"), "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    words = command(other, tmp_path / "capture")
+    at = words.index("--masks")
+    _, found, _ = said(words[:at] + words[at + 2 :], capsys)
     assert set(found["missing"]) == {"p3"} and "same object" in found["missing"]["p3"]
+
+
+def test_a_foreign_photograph_with_a_fitting_mask_is_told(other: Path, tmp_path: Path, capsys) -> None:  # type: ignore[no-untyped-def]
+    cv2.imwrite(str(other / "photos" / "p3.png"), photograph(3, texture=7).gray[:, ::-1])
+    _, found, _ = said(command(other, tmp_path / "capture"), capsys)
+    assert not found["missing"]
+    (about,) = found["suspicions"]
+    assert about.startswith("p3: its silhouette alone places it")
 
 
 def test_the_mask_of_another_photograph_is_told(other: Path, tmp_path: Path, capsys) -> None:  # type: ignore[no-untyped-def]

@@ -224,7 +224,13 @@ def _fit(
 
 def _suspicions(frames: Mapping[str, FrameFit], grown: Grown) -> list[str]:
     said = [f"{name}: {frame.why}" for name, frame in grown.frames.items() if frame.status == "contradicts"]
+    by_features = any(frame.placed_by == "features" for frame in frames.values())
     for name, frame in frames.items():
+        if by_features and frame.placed_by == "silhouette" and not frame.features:
+            said.append(
+                f"{name}: its silhouette alone places it, and it shares no features with the others; does it "
+                "show the same object?"
+            )
         if frame.iou is not None and frame.iou < POOR_IOU:
             said.append(
                 f"{name}: its mask and the mesh's silhouette cover each other to {frame.iou:.2f} only; is "
