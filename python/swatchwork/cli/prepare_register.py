@@ -74,8 +74,8 @@ def register(
     others: Annotated[
         Others,
         typer.Option(
-            help="How photographs without pairs are placed: by SIFT features on the mesh, by structure from "
-            "motion (pycolmap), or not."
+            help="How photographs without pairs are placed first: by SIFT features on the mesh, by structure "
+            "from motion (pycolmap), or neither. Silhouettes then place those left that have a mask."
         ),
     ] = Others.features,
     scan_error: Annotated[
@@ -100,14 +100,17 @@ def register(
 ) -> None:
     """Find where photographs were taken from, and write the capture.
 
-    Mark 6 to 12 points in one photograph and on the mesh first (`swatchwork prepare pairs`). Silhouettes
-    refine that pose where there are masks; the other photographs follow by features that they share, and all
-    poses are refined together with the mesh held fixed. A board in the photographs that does not move with
-    respect to the object places all of them that show it, and pairs place the mesh among these; without pairs
-    the mesh's coordinates are the board's (origin at the first inner corner, x along the columns, z into the
-    board). A sphere needs neither scan nor pairs. register.html shows the mesh over each photograph.
+    With clean masks often nothing else is needed: a silhouette that only one pose explains places its
+    photograph. Otherwise mark 6 to 12 points in one photograph and on the mesh first (`swatchwork prepare
+    pairs`); the others follow by features that they share and by their silhouettes, and all poses are refined
+    together with the mesh held fixed. A board in the photographs that does not move with respect to the
+    object places all of them that show it, and pairs place the mesh among these; without pairs the mesh's
+    coordinates are the board's (origin at the first inner corner, x along the columns, z into the board). A
+    sphere needs neither scan nor pairs. register.html shows the mesh over each photograph.
 
     Examples:
+
+    swatchwork prepare register linear --mesh scan.ply --intrinsics lens.json --masks masks -o capture
 
     swatchwork prepare pairs linear/IMG_0001.exr --mesh scan.ply --intrinsics lens.json -o pairs.json
 
