@@ -10,12 +10,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import cv2
+import numpy as np
 import pytest
 
 from swatchwork.cli import main
 from swatchwork.prepare.registering import Pairs, write_pairs
 from swatchwork.surface import write_mesh_obj
-from synthetic_photographs import blob, photograph
+from synthetic_photographs import LENS, blob, photograph
 from test_prepare_register import card, clicks, command
 
 __all__ = ["card"]
@@ -85,3 +86,37 @@ def test_a_mirrored_mesh_with_right_pairs_is_told(other: Path, tmp_path: Path, c
     assert main(command(other, tmp_path / "capture")) == 2
     assert "mirror image" in capsys.readouterr().err
     assert not (tmp_path / "capture").exists()
+
+
+def test_pairs_in_another_unit_than_the_mesh_are_told(other: Path, tmp_path: Path, capsys) -> None:  # type: ignore[no-untyped-def]
+    mesh = blob().meshes[0]
+    write_mesh_obj(other / "mesh.obj", replace(mesh, vertices=1000 * mesh.vertices))
+    assert main(command(other, tmp_path / "capture")) == 2
+    words = capsys.readouterr().err
+    assert "100 % of the pairs' points are not on the mesh" in words
+    assert "The mesh looks to be in millimetres where the pairs are in metres" in words
+
+
+def test_a_wild_click_is_left_out(other: Path, tmp_path: Path, capsys) -> None:  # type: ignore[no-untyped-def]
+    right = clicks(0)
+    uv = right.uv_px.copy()
+    uv[3] = (1e10, 5.0)
+    write_pairs(other / "pairs.json", {"p0": Pairs("p0.png", uv, right.x_in_world)}, "mesh.obj")
+    words = command(other, tmp_path / "capture", photos="photos/p0.png")
+    _, found, _ = said(words, capsys)
+    assert found["photographs"][0]["pairs_left_out"] == [4]
+
+
+def test_pairs_of_a_photograph_that_is_not_given(other: Path, tmp_path: Path, capsys) -> None:  # type: ignore[no-untyped-def]
+    assert main(command(other, tmp_path / "capture", photos="photos/p1.png")) == 2
+    assert "there are pairs of p0.png only" in capsys.readouterr().err
+
+
+def test_a_speck_of_a_mask_places_nothing(other: Path, tmp_path: Path, capsys) -> None:  # type: ignore[no-untyped-def]
+    speck = np.zeros((LENS.height, LENS.width), np.uint8)
+    cv2.circle(speck, (300, 200), 12, 255, -1)
+    cv2.imwrite(str(other / "masks" / "p0.png"), speck)
+    words = command(other, tmp_path / "capture", photos="photos/p0.png")
+    at = words.index("--pairs")
+    assert main(words[:at] + words[at + 2 :]) == 2
+    assert "21 px large" in capsys.readouterr().err

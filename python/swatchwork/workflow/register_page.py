@@ -21,6 +21,8 @@ from .check_shapes import FrameShape
 if TYPE_CHECKING:
     from .preparing_register import RegisteredPhotograph, RegisterSummary
 
+BEYOND_PX = 1e5
+"""What is farther outside the picture is not drawn: OpenCV counts with 32 bits."""
 UNKNOWN = "not known"
 AGREES, LEFT_OUT = (60, 220, 90), (240, 50, 60)
 """Colours of pairs, RGB."""
@@ -104,13 +106,14 @@ def _with_pairs(shape: FrameShape, pairs: Pairs | None, left_out: Sequence[int])
     part = np.array([columns.stop, rows.stop]) - corner
     enlarged = np.array(canvas.shape[1::-1]) / part
     clicks = (pairs.uv_px * [small.width / full.width, small.height / full.height] - corner) * enlarged
+    clicks = clicks.clip(-BEYOND_PX, BEYOND_PX)
     points = (small.project(pairs.x_in_world)[0] - corner) * enlarged
     for number, (click, point) in enumerate(zip(clicks, points, strict=True), 1):
         colour = LEFT_OUT if number in left_out else AGREES
         for way in ((1, 1), (1, -1)):
             arm = CROSS_PX * np.array(way) / np.sqrt(2)
             cv2.line(canvas, _fine(click - arm), _fine(click + arm), colour, 1, cv2.LINE_AA, FINE)
-        if np.isfinite(point).all() and np.abs(point).max() < 1e5:
+        if np.isfinite(point).all() and np.abs(point).max() < BEYOND_PX:
             cv2.circle(canvas, _fine(point), RING_PX << FINE, colour, 1, cv2.LINE_AA, FINE)
             cv2.line(canvas, _fine(click), _fine(point), colour, 1, cv2.LINE_AA, FINE)
     return canvas

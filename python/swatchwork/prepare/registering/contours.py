@@ -113,6 +113,8 @@ def without_specks(region: Bool) -> Bool:
         )
         small = stats[:, cv2.CC_STAT_AREA] < least
         small[0] = False
+        if value == 1 and len(stats) > 1:
+            small[1 + int(stats[1:, cv2.CC_STAT_AREA].argmax())] = False
         if small.any():
             whole[small[label]] = 1 - value
     return whole.astype(bool)

@@ -37,7 +37,9 @@ def clicked(pairs: Mapping[str, Pairs], sigma_px: float = CLICK_PX) -> Extra:
             return NOTHING
         of = pairs[name]
         uv_px, by_step, _ = projected(camera, of.x_in_world)
-        return (uv_px - of.uv_px).ravel() / sigma_px, by_step.reshape(-1, 6) / sigma_px
+        seen = np.isfinite(uv_px[:, 0])
+        off, by_step = (uv_px - of.uv_px)[seen], by_step[seen]
+        return off.ravel() / sigma_px, by_step.reshape(-1, 6) / sigma_px
 
     return terms
 

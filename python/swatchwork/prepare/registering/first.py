@@ -21,6 +21,7 @@ from swatchwork.prepare.registering.placing import PlacedRig, carried, place_mes
 from swatchwork.prepare.registering.posing import Posed, default_tolerance_px, pose_from_pairs
 from swatchwork.prepare.registering.refining import refine_by_contours
 from swatchwork.prepare.registering.spheres import sphere_camera, sphere_in_rig
+from swatchwork.prepare.registering.units import check_on_mesh
 from swatchwork.prepare.registering.view import View
 from swatchwork.progress import SILENT, Progress
 from swatchwork.surface import RayScene
@@ -78,12 +79,15 @@ def first_poses(
     """
     by_name = {view.name: view for view in views}
     marked = {name: of for name, of in clues.pairs.items() if len(of)}
-    unknown = next((name for name in marked if name not in by_name), None)
-    if unknown is not None:
+    if marked and not any(name in by_name for name in marked):
         raise InputError(
-            f"there are pairs of {marked[unknown].photograph}, which is none of the photographs",
-            expected="one of " + ", ".join(list(by_name)[:8]) + (", ..." if len(by_name) > 8 else ""),
+            "there are pairs of " + ", ".join(of.photograph for of in marked.values()) + " only",
+            expected="pairs of " + ", ".join(list(by_name)[:8]) + (", ..." if len(by_name) > 8 else ""),
+            hint="Give the photographs that were clicked, too",
         )
+    marked = {name: of for name, of in marked.items() if name in by_name}
+    if marked:
+        check_on_mesh(scene, marked)
     if clues.board is not None:
         return _by_board(scene, views, clues, clues.board, marked, progress)
     if marked:
@@ -110,6 +114,7 @@ def _by_board(
     progress: Progress,
 ) -> FirstPoses:
     seen = board_poses(views, board, clues.square, progress)
+    boardless = {name: of for name, of in marked.items() if name not in seen.cameras}
     if marked and not any(name in seen.cameras for name in marked):
         raise InputError(
             "the board is in none of the photographs with pairs (" + ", ".join(marked) + ")",
@@ -124,13 +129,16 @@ def _by_board(
         found = place_mesh(scene, views, seen.cameras, marked, stand=seen.centre)
     said = [f"{name}: the board is so small or far that its tilt is not sure" for name in seen.ambiguous]
     said += [words for name, of in found.inliers.items() for words in _left_out(name, of)]
+    beside = _by_pairs(scene, {view.name: view for view in views}, boardless, progress)
+    pairs = {name: _only(marked[name], of) for name, of in found.inliers.items()}
     return FirstPoses(
-        found.cameras,
-        dict.fromkeys(found.cameras, "board"),
-        {name: _only(marked[name], of) for name, of in found.inliers.items()},
-        found.inliers,
+        found.cameras | beside.cameras,
+        dict.fromkeys(found.cameras, "board") | beside.placed_by,
+        pairs | beside.pairs,
+        found.inliers | beside.inliers,
         _corners(seen, found),
-        suspicions=tuple(said),
+        beside.masks_off,
+        (*said, *beside.suspicions),
     )
 
 

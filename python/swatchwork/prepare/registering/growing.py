@@ -70,7 +70,7 @@ class Grown:
     @property
     def missing(self) -> dict[str, str]:
         """Why each frame without a pose has none."""
-        return {name: frame.why for name, frame in self.frames.items() if frame.why}
+        return {name: f.why for name, f in self.frames.items() if f.why and name not in self.cameras}
 
 
 def grow(
@@ -104,7 +104,7 @@ def grow(
             raise InputError(f"there is a pose for {name!r}", expected="the name of one of the photographs")
     cameras = dict(posed)
     at_last = 1
-    with progress.stage("placing photographs", len(views) - len(posed)) as task:
+    with progress.stage("Placing photographs", len(views) - len(posed)) as task:
         while True:
             points = surface_points_of(scene, cameras, tracks)
             found, refused = _next(scene, by_name, cameras, tracks, points)

@@ -20,6 +20,7 @@ from swatchwork.errors import InputError
 from swatchwork.prepare.boards import Board, Checkerboard, Sighting, find_board
 from swatchwork.prepare.registering.consensus import TURNED
 from swatchwork.prepare.registering.least import least_squares, misses_px, root_mean_square
+from swatchwork.prepare.registering.motion import apart
 from swatchwork.prepare.registering.view import View
 from swatchwork.progress import SILENT, Progress
 
@@ -141,7 +142,5 @@ def pose_of_plane(lens: Camera, uv_px: F64, x_in_world: F64) -> tuple[Camera, fl
         found.append((root_mean_square(misses_px(camera, uv_px, x_in_world)[reached]), camera))
     found.sort(key=lambda entry: entry[0])
     best = found[0]
-    apart = [
-        rms for rms, c in found[1:] if np.abs(c.world_from_camera - best[1].world_from_camera).max() > 1e-3
-    ]
+    apart = [rms for rms, c in found[1:] if apart(best[1], c, centre)[0] > SAME_DEGREES]
     return best[1], best[0], min(apart, default=np.inf)

@@ -41,6 +41,8 @@ OUTERMOST = 2.5
 TRIED, REFINED, COARSE = 40, 4, 80
 """Of the most alike: those whose silhouette is cast in perspective, and those refined; and points along the
 object's longer side by which the former are compared."""
+LEAST_PX = 40
+"""Root of the area of a silhouette with a shape: of a disc of 20 px any round mesh has 97 %."""
 FITS = 0.97
 """Least intersection over union of a pose that is believed."""
 CLEAR = 0.6
@@ -138,6 +140,8 @@ def pose_from_outline(scene: RayScene, view: View, around: Callable[[float], Sil
     far = np.array(flat.region.shape) - 1 - BORDER_PX
     if min(rows.min(), columns.min()) < BORDER_PX or rows.max() > far[0] or columns.max() > far[1]:
         return Outlined(None, 0.0, 0.0, "is cut by the frame")
+    if len(rows) < LEAST_PX**2:
+        return Outlined(None, 0.0, 0.0, f"is only {np.sqrt(len(rows)):.0f} px large in its mask")
     centre = np.array([columns.mean(), rows.mean()]) + 0.5
     size_px = float(np.sqrt(len(rows) / np.pi))
     angle = size_px / np.sqrt(flat.lens.fx * flat.lens.fy)

@@ -30,7 +30,7 @@ from swatchwork.prepare.registering.placing import carried
 from swatchwork.prepare.registering.refining import iou
 from swatchwork.prepare.registering.rematching import rematched
 from swatchwork.prepare.registering.structure import structure_from_motion
-from swatchwork.prepare.registering.tracks import Features, Tracks, find_tracks, joined
+from swatchwork.prepare.registering.tracks import Tracks, find_tracks, joined
 from swatchwork.prepare.registering.view import View
 from swatchwork.progress import SILENT, Progress
 from swatchwork.surface import RayScene
@@ -117,7 +117,7 @@ def register(
     first = first_poses(scene, views, clues, outlines, progress)
     start, placed_by = first.cameras, dict(first.placed_by)
     held = (clicked(first.pairs), clicked(first.corners, CORNER_PX))
-    tracks = _no_tracks(views) if others == "none" else find_tracks(views, progress=progress)
+    tracks = _no_tracks() if others == "none" else find_tracks(views, progress=progress)
     if others == "colmap":
         start |= _by_structure(scene, views, start)
         placed_by |= {name: "structure from motion" for name in start if name not in placed_by}
@@ -133,9 +133,7 @@ def register(
     if others != "none" and bare:
         tracks = rematched(scene, grown.cameras, tracks)
     missing = {
-        name: "; ".join(filter(None, (why, outlines.why.get(name))))
-        for name, why in grown.missing.items()
-        if name not in grown.cameras
+        name: "; ".join(filter(None, (why, outlines.why.get(name)))) for name, why in grown.missing.items()
     }
     cameras = grown.cameras
     trusted = [view for view in views if view.name not in first.masks_off]
@@ -148,7 +146,7 @@ def register(
     cameras = turned_back(found.cameras, [name for name, by in placed_by.items() if by == "outline"])
     frames = {}
     for name, camera in cameras.items():
-        frames[name] = _fit(scene, by_name[name], camera, placed_by[name], clues, first, grown, found)
+        frames[name] = _fit(scene, by_name[name], camera, placed_by[name], clues, first, tracks, found)
     suspicions = (*first.suspicions, *_suspicions(frames, grown))
     return Registered(frames, missing, suspicions, found.status)
 
@@ -159,9 +157,8 @@ def _shared(tracks: Tracks, grown: Grown) -> list[tuple[int, str]]:
     return [(int(count[i]), name) for i, name in enumerate(tracks.names) if name in grown.cameras]
 
 
-def _no_tracks(views: Sequence[View]) -> Tracks:
-    none = Features(np.zeros((0, 2)), np.zeros(0), np.zeros((0, 128), np.float32), np.zeros(0, np.int32))
-    return joined(tuple(view.name for view in views), [none] * len(views), [])
+def _no_tracks() -> Tracks:
+    return joined((), [], [])
 
 
 def _by_structure(scene: RayScene, views: Sequence[View], start: Mapping[str, Camera]) -> dict[str, Camera]:
@@ -189,7 +186,7 @@ def _fit(
     placed_by: str,
     clues: Clues,
     first: FirstPoses,
-    grown: Grown,
+    tracks: Tracks,
     found: Bundle,
 ) -> FrameFit:
     name = view.name
@@ -204,9 +201,12 @@ def _fit(
     if name in first.corners:
         corners = first.corners[name]
         board_px = root_mean_square(misses_px(camera, corners.uv_px, corners.x_in_world))
+    frame = tracks.names.index(name) if name in tracks.names else -1
+    features = int((found.used & ~found.outliers & (tracks.frame == frame)).sum())
     rms = found.rms_px[name]
     deviation = found.deviation[name]
-    known = bool(np.isfinite(deviation).all())
+    # Nothing holds a sphere's turn about its centre but features; the contours' noise is no hold.
+    known = bool(np.isfinite(deviation).all()) and (placed_by != "outline" or features > 0)
     away = float(norm(camera.position - scene.centre))
     return FrameFit(
         camera,
@@ -214,7 +214,7 @@ def _fit(
         board_px,
         pairs_px,
         out,
-        grown.frames[name].shared,
+        features,
         float(rms) if np.isfinite(rms) else None,
         iou(scene, view, camera),
         float(np.degrees(norm(deviation[:3]))) if known else None,

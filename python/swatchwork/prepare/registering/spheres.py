@@ -140,4 +140,5 @@ def _check_radius(poses: Mapping[str, F64], balls: Mapping[str, F64]) -> None:
             1 / scale,
             f"the outlines meet at {scale:.3g} times the distance that --sphere says",
             BY_SILHOUETTES,
+            "sphere",
         )

@@ -195,14 +195,14 @@ def flat(view: View, uv_px: F64) -> F64:
 
 def find_tracks(views: Sequence[View], limit: int = LIMIT, progress: Progress = SILENT) -> Tracks:
     """Features of all photographs, matched each with each, and joined."""
-    with progress.stage("features", len(views)) as task:
+    with progress.stage("Features", len(views)) as task:
         found = []
         for view in views:
             task.describe(view.name)
             found.append(features(view, limit))
             task.advance()
     links: list[tuple[int, int, I64, F64]] = []
-    with progress.stage("matches", len(views) * (len(views) - 1) / 2) as task:
+    with progress.stage("Matches", len(views) * (len(views) - 1) / 2) as task:
         for i, a in enumerate(found):
             for j, b in enumerate(found[:i]):
                 pairs, ratio = matches(a, b)

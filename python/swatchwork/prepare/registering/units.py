@@ -9,13 +9,15 @@ from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from swatchwork.arrays import F64, norm
 from swatchwork.capture import Camera
 from swatchwork.errors import InputError
+from swatchwork.prepare.registering.pairs import Pairs
 from swatchwork.prepare.registering.refining import iou
 from swatchwork.prepare.registering.view import View
-from swatchwork.surface import RayScene
+from swatchwork.surface import RayScene, surface_points
 
 FACTORS = {
     1000.0: ("millimetres", "metres"),
@@ -38,6 +40,12 @@ TRIED, BETWEEN = np.geomspace(1 / 3, 3, 25), np.geomspace(0.92, 1.087, 9)
 """Scales tried on the silhouettes, each 10 % after the last, and then about the best of them, each 2 %."""
 
 
+PAIRS_OFF = 0.05
+"""Distance from the mesh, in radii of the object, that no point clicked on it has."""
+SAMPLES = 20_000
+"""Points that stand for the mesh there: a hundredth of the radius apart or so."""
+
+
 class Fit(Protocol):
     """A transform by pairs: its scale, how many of how many pairs agree, and their number by photograph."""
 
@@ -49,6 +57,33 @@ class Fit(Protocol):
     def count(self) -> int: ...
     @property
     def each(self) -> tuple[int, ...]: ...
+
+
+def check_on_mesh(scene: RayScene, pairs: Mapping[str, Pairs]) -> None:
+    """Raises InputError where most pairs' points are nowhere near the mesh: another mesh, or another unit."""
+    x = np.concatenate([of.x_in_world for of in pairs.values()])
+    tree = cKDTree(surface_points(scene.meshes[0], SAMPLES).position)
+
+    def near(change: float | F64) -> float:
+        off = np.asarray(tree.query(change * x)[0])
+        return float((off < PAIRS_OFF * scene.radius).mean())
+
+    if near(1.0) > 0.5:
+        return
+    flips = 1.0 - 2.0 * np.eye(3)
+    known = FACTORS | {1 / factor: units[::-1] for factor, units in FACTORS.items()}
+    factor = max(known, key=near)
+    hint = "Click pairs on the mesh that is registered"
+    if near(factor) > 0.5:
+        hint = f"The mesh looks to be in {known[factor][0]} where the pairs are in {known[factor][1]}"
+    elif max(near(flip) for flip in flips) > 0.5:
+        hint = "They are on its mirror image: undo the mirror where the mesh was exported"
+    raise InputError(
+        f"{100 * (1 - near(1.0)):.0f} % of the pairs' points are not on the mesh (the mesh is "
+        f"{2 * scene.radius:.4g} large, the points spread over {np.ptp(x, axis=0).max():.4g})",
+        expected="pairs and mesh in one unit and one place",
+        hint=hint,
+    )
 
 
 def check_pairs(rigid: Fit, similar: Fit) -> None:
@@ -146,19 +181,18 @@ def best_scale(
     return about, found[best]
 
 
-def scale_error(scale: float, said: str, near: float) -> InputError:
-    """Names the scale, and the units that explain it up to a relative difference ``near``."""
+def scale_error(scale: float, said: str, near: float, thing: str = "mesh") -> InputError:
+    """Names the scale of a thing, and the units that explain it up to a relative difference ``near``."""
     times, how = (scale, "large") if scale > 1 else (1 / scale, "small")
     units = units_of(scale, near)
-    hint = "Check the length of a square's side, and give --square in the mesh's unit"
+    hint = f"Check the length of a square's side, and give --square in the {thing}'s unit"
     if units is not None:
-        hint = (
-            f"The mesh looks to be in {units[0]} where --square is in {units[1]}: give --square in {units[0]}"
-        )
+        hint = f"The {thing} looks to be in {units[0]} where --square is in {units[1]}"
+        hint += f": give --square in {units[0]}"
     about = "" if near == BY_PAIRS else "about "
     return InputError(
-        f"the mesh is {about}{times:.3g} times too {how} for the board ({said})",
-        expected="mesh and --square in one unit",
+        f"the {thing} is {about}{times:.3g} times too {how} for the board ({said})",
+        expected=f"{thing} and --square in one unit",
         hint=hint,
     )
 
