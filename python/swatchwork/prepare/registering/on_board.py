@@ -142,5 +142,5 @@ def pose_of_plane(lens: Camera, uv_px: F64, x_in_world: F64) -> tuple[Camera, fl
         found.append((root_mean_square(misses_px(camera, uv_px, x_in_world)[reached]), camera))
     found.sort(key=lambda entry: entry[0])
     best = found[0]
-    apart = [rms for rms, c in found[1:] if apart(best[1], c, centre)[0] > SAME_DEGREES]
-    return best[1], best[0], min(apart, default=np.inf)
+    others = [rms for rms, c in found[1:] if apart(best[1], c, centre)[0] > SAME_DEGREES]
+    return best[1], best[0], min(others, default=np.inf)
