@@ -225,12 +225,20 @@ def test_save_writes_what_read_pairs_reads_and_a_new_page_goes_on(server: PairsS
     assert [f.name for f in scene.folder.iterdir() if "partial" in f.name] == []
 
 
+def test_clicks_may_lie_outside_the_photograph(server: PairsServer) -> None:
+    listed = [{**GOOD, "uv_px": uv} for uv in ([-299.0, 2.0], [9.0, 479.0])]
+    assert ask(server, "save", {"photographs": {"IMG_1.exr": listed}})["pairs"] == 2
+
+
 def test_pairs_of_photographs_that_are_not_shown_stay(scene: Scene) -> None:
     other = {"IMG_2.exr": [{"uv_px": [1.0, 2.0], "x_in_mesh": [3.0, 4.0, 5.0]}]}
     scene.output.write_text(json.dumps({"mesh": "blob.obj", "photographs": other}))
     with serving(scene) as server:
         assert ask(server, "state")["pairs"] == {}
         ask(server, "save", {"photographs": {"IMG_1.exr": [{"uv_px": [9, 8], "x_in_mesh": [7, 6, 5]}]}})
+        # What the summary counts is what the file has.
+        assert {p.photograph: len(p) for p in server.desk.saved.values()} == {"IMG_1.exr": 1, "IMG_2.exr": 1}
+        assert set(ask(server, "state")["pairs"]) == {"IMG_1.exr"}
     assert set(json.loads(scene.output.read_text())["photographs"]) == {"IMG_1.exr", "IMG_2.exr"}
 
 
@@ -245,6 +253,8 @@ DAMAGED = {
     "text": {"photographs": {"IMG_1.exr": [{**GOOD, "uv_px": ["1", 2]}]}},
     "true": {"photographs": {"IMG_1.exr": [{**GOOD, "uv_px": [True, 2]}]}},
     "NaN": {"photographs": {"IMG_1.exr": [{**GOOD, "uv_px": [float("nan"), 2]}]}},
+    "far left of the photograph": {"photographs": {"IMG_1.exr": [GOOD, {**GOOD, "uv_px": [-301, 2]}]}},
+    "far below the photograph": {"photographs": {"IMG_1.exr": [{**GOOD, "uv_px": [9, 481]}]}},
     "an integer without end": {"photographs": {"IMG_1.exr": [{**GOOD, "uv_px": [10**400, 2]}]}},
 }
 

@@ -83,6 +83,10 @@ def test_photographs_become_a_capture(card: Path, tmp_path: Path, capsys: pytest
     assert min(p["iou"] for p in said["photographs"]) > 0.97
     for name in ("register.json", "register.html", "mesh.obj", "images/p0.png", "masks/p0.png"):
         assert (tmp_path / "capture" / name).is_file()
+    # The file may be read on another machine.
+    figures = (tmp_path / "capture" / "register.json").read_text()
+    assert str(tmp_path) not in figures and said["capture"] == str(tmp_path / "capture")
+    assert set(said) - set(json.loads(figures)) == {"capture", "page", "warnings"}
 
 
 def test_masks_alone_place_photographs(card: Path, tmp_path: Path) -> None:

@@ -68,6 +68,8 @@ def test_a_board_places_a_plain_object(card: Path, tmp_path: Path, capsys) -> No
         (("--square", "0.18"), "--board or --charuco"),
         (("--board", "12x9", "--square", "1"), "in none of the 4 photographs"),
         (("--board", "7x4", "--charuco", "7x5", "--square", "1"), "both --board and --charuco"),
+        (("--board", "7x4", "--square", "1", "--legacy"), "--legacy is an option of ChArUco boards"),
+        (("--marker", "0.7"), "--marker is an option of ChArUco boards"),
         (("--sphere", "2"), "both --mesh and --sphere"),
     ],
 )

@@ -7,6 +7,7 @@ from __future__ import annotations
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -136,3 +137,16 @@ def test_a_missing_pycolmap_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     monkeypatch.setitem(sys.modules, "pycolmap", None)
     with pytest.raises(InputError, match=r"not installed; .*pip install 'swatchwork\[colmap\]'"):
         structure_from_motion([], tmp_path)
+
+
+def test_a_failure_names_no_folder_that_is_gone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(_: int) -> None:
+        raise RuntimeError("Check failed\nno space left")
+
+    fatal = SimpleNamespace(minloglevel=0, FATAL=SimpleNamespace(value=3))
+    fake = SimpleNamespace(logging=fatal, set_random_seed=fails)
+    monkeypatch.setattr("swatchwork.prepare.registering.structure._pycolmap", lambda: fake)
+    views = photographs_without_pictures()
+    with pytest.raises(InputError, match=r"^COLMAP failed \(no space left\)") as caught:
+        structure_from_motion(views[:3], tmp_path)
+    assert caught.value.file is None

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -22,30 +22,46 @@ CharucoSize = Annotated[
     typer.Option(metavar="COLUMNSxROWS", help="Instead, ChArUco board: its squares, such as 7x5."),
 ]
 Marker = Annotated[
-    float, typer.Option(metavar="SHARE", help="ChArUco: side of a marker over that of a square.")
+    float | None,
+    typer.Option(
+        metavar="SHARE", help="ChArUco: side of a marker over that of a square.", show_default="0.75"
+    ),
 ]
-Dictionary = Annotated[str, typer.Option(metavar="NAME", help="ChArUco: OpenCV's name of its markers.")]
+Dictionary = Annotated[
+    str | None,
+    typer.Option(metavar="NAME", help="ChArUco: OpenCV's name of its markers.", show_default="4X4_50"),
+]
 Legacy = Annotated[bool, typer.Option("--legacy", help="ChArUco: a board made by OpenCV before 4.6.")]
-MARKER, DICTIONARY = 0.75, "4X4_50"
+# None is not given: then `Charuco` has its own, which the help names.
+MARKER: float | None = None
+DICTIONARY: str | None = None
 
 
 def board_of(
-    board: str | None, charuco: str | None, marker: float, dictionary: str, legacy: bool
+    board: str | None, charuco: str | None, marker: float | None, dictionary: str | None, legacy: bool
 ) -> Board | None:
     """The board described; None where neither kind is given.
 
     Raises:
-        InputError: both kinds are given, or one with a wrong size.
+        InputError: both kinds are given, one with a wrong size, or a ChArUco board's option without one.
     """
     from ..prepare import Charuco, Checkerboard
 
     if board is not None and charuco is not None:
         raise InputError("both --board and --charuco are given", expected="one of them")
+    given: dict[str, Any] = {"marker": marker, "dictionary": dictionary, "legacy": legacy or None}
+    given = {name: value for name, value in given.items() if value is not None}
+    if charuco is None and given:
+        raise InputError(
+            f"--{next(iter(given))} is an option of ChArUco boards",
+            expected="--charuco COLUMNSxROWS too",
+            hint="Leave it out with a checkerboard" if board is not None else None,
+        )
     if board is not None:
         return Checkerboard(*_sides(board, "--board", "inner corners, such as 9x6"))
     if charuco is not None:
         columns, rows = _sides(charuco, "--charuco", "squares, such as 7x5")
-        return Charuco(columns, rows, marker, dictionary, legacy)
+        return Charuco(columns, rows, **given)
     return None
 
 

@@ -5,16 +5,44 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 
-from ..capture import EnvironmentSource, read_capture, write_capture
+from ..capture import Capture, EnvironmentSource, read_capture, write_capture
 from ..errors import InputError, OutputError
 from ..light import read_environment
 
 NAME = "env"
 """Of the copy, with the probe's own ending."""
+
+
+def lightable(capture_folder: str | PathLike[str], suffix: str) -> tuple[Capture, Path]:
+    """The capture, and the file that a probe ending in ``suffix`` is to become in it.
+
+    Raises:
+        InputError: the capture cannot be read or has another light; the file is there and is not its light.
+    """
+    capture = read_capture(capture_folder, require_images=False)
+    target = capture.root / (NAME + suffix.lower())
+    present = None if capture.environment is None else capture.environment.file
+    if present is not None and present.resolve() != target.resolve():
+        raise InputError(
+            f"has a light already, {present.name}",
+            file=capture.file,
+            expected="a capture without one",
+            hint='Take "environment" out of the file first',
+        )
+    if present is None and (target.exists() or target.is_symlink()):
+        raise InputError(
+            "is there already, and is not the capture's light",
+            file=target,
+            expected="no file of this name, which the probe is to have",
+            hint="Move it elsewhere first",
+        )
+    return capture, target
 
 
 def light_capture(capture_folder: str | PathLike[str], light: EnvironmentSource) -> Path:
@@ -24,30 +52,40 @@ def light_capture(capture_folder: str | PathLike[str], light: EnvironmentSource)
         The capture's transforms.json.
 
     Raises:
-        InputError: capture or probe cannot be read; the capture has another light.
-        OutputError: the capture cannot be written.
+        InputError: as `lightable`; the probe cannot be read.
+        OutputError: the capture cannot be written; it is as it was.
     """
-    capture = read_capture(capture_folder, require_images=False)
+    capture, target = lightable(capture_folder, light.file.suffix)
     read_environment(light)
-    target = capture.root / (NAME + light.file.suffix.lower())
-    if capture.environment is not None and capture.environment.file.resolve() != target.resolve():
-        raise InputError(
-            f"has a light already, {capture.environment.file.name}",
-            file=capture.file,
-            expected="a capture without one",
-            hint='Take "environment" out of the file first',
-        )
-    partial = target.with_name(target.name + ".partial")
-    try:
-        shutil.copyfile(light.file, partial)
-        partial.replace(target)
-    except OSError as error:
-        raise OutputError(f"{target}: cannot be written ({error.strerror})") from error
-    finally:
-        partial.unlink(missing_ok=True)
     placed = EnvironmentSource(target, light.convention, light.world_from_environment)
     frames = tuple(
         replace(frame, environment=placed) if frame.environment is capture.environment else frame
         for frame in capture.frames
     )
-    return write_capture(replace(capture, environment=placed, frames=frames), capture.root)
+    with _swapped(light.file, target):
+        return write_capture(replace(capture, environment=placed, frames=frames), capture.root)
+
+
+@contextmanager
+def _swapped(source: Path, target: Path) -> Iterator[None]:
+    """``target`` is a copy of ``source``; an error inside puts back what was there before."""
+    partial, earlier = (target.with_name(target.name + ending) for ending in (".partial", ".earlier"))
+    try:
+        shutil.copyfile(source, partial)
+        had = target.exists()
+        if had:
+            shutil.copyfile(target, earlier)
+        partial.replace(target)
+        try:
+            yield
+        except BaseException:
+            if had:
+                earlier.replace(target)
+            else:
+                target.unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        raise OutputError(f"{target}: cannot be written ({error.strerror})") from error
+    finally:
+        partial.unlink(missing_ok=True)
+        earlier.unlink(missing_ok=True)

@@ -60,7 +60,7 @@ class Desk:
         self.names = [file.name for file in photographs]
         self.pairs = dict(pairs or {})
         self.saved: dict[str, Pairs] | None = None
-        """What was last written; None where nothing was."""
+        """What was last written, all of the file; None where nothing was."""
         self._writing = Lock()
 
     def state(self) -> dict[str, Any]:
@@ -166,7 +166,7 @@ class Desk:
         """Write pairs.json anew from ``photographs``, of the file's own form; whole or not at all.
 
         Raises:
-            InputError: a pair is damaged or of no photograph of the page.
+            InputError: a pair is damaged, of no photograph of the page, or far outside of it.
             OutputError: the file cannot be written; the one there is intact.
         """
         photographs = request.get("photographs")
@@ -178,8 +178,9 @@ class Desk:
             # Pairs of photographs that this page does not show stay.
             shown = {Path(name).stem for name in self.names}
             others = {name: p for name, p in self.pairs.items() if name not in shown}
-            write_pairs(self.output, {**others, **clicked}, self.mesh_name)
-            self.saved = clicked
+            written = {**others, **clicked}
+            write_pairs(self.output, written, self.mesh_name)
+            self.saved = written
         return {"saved": self.output.name, "pairs": sum(len(p) for p in clicked.values())}
 
     def _shown(self) -> dict[str, Any]:
@@ -202,6 +203,15 @@ class Desk:
                 f"the pairs of {name} are no list", expected='[{"uv_px": ..., "x_in_mesh": ...}]'
             )
         uv_px = _points([pair.get("uv_px") for pair in listed], 2, f"uv_px of {name}")
+        # An object may reach over the border, and a click with it; farther off is no click.
+        size = np.array([self.lens.width, self.lens.height])
+        far = np.flatnonzero(((uv_px < -size) | (uv_px > 2 * size)).any(axis=1))
+        if far.size:
+            u, v = uv_px[far[0]]
+            raise InputError(
+                f"pair {far[0] + 1} of {name} is at {u:g}, {v:g}",
+                expected=f"pixels of a photograph of {size[0]} x {size[1]}",
+            )
         return Pairs(
             name, uv_px, _points([pair.get("x_in_mesh") for pair in listed], 3, f"x_in_mesh of {name}")
         )

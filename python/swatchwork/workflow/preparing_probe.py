@@ -31,7 +31,7 @@ from ..prepare.panorama import Mirror, View
 from ..prepare.probe import Probe, probe_of_views
 from ..progress import SILENT, Progress
 from ..report import Sheet, write_sheet
-from .lighting import light_capture
+from .lighting import light_capture, lightable
 from .preparing_calibrate import read_intrinsics
 from .probe_page import probe_sheet
 from .together import files_together, write_text
@@ -41,6 +41,7 @@ ORTHOGRAPHIC = (
     "angle that the ball's radius takes up as seen from the camera (11 degrees at 5 radii) plus that of the "
     "ball from the optical axis."
 )
+PROBE = "probe.exr"
 SIZE_TOLERANCE = 0.05
 """By which a ball's stated radius and distance may disagree with its outline."""
 
@@ -130,7 +131,7 @@ def prepare_probe(
         capture: a capture whose light the probe becomes; its cameras must be in the probe's world.
 
     Raises:
-        InputError: a file, number or ball that is wrong, each by name.
+        InputError: a file, number or ball that is wrong, each by name; the capture has another light.
         OutputError: the folder cannot be written.
     """
     start = time.perf_counter()
@@ -153,6 +154,8 @@ def prepare_probe(
             expected="the pose of the first photograph of the ball",
             hint="Where the camera stayed between object and ball: --pose CAPTURE/transforms.json#FRAME",
         )
+    if capture is not None:
+        lightable(capture, Path(PROBE).suffix)
     if intrinsics is not None and focal_px is not None:
         raise InputError("--intrinsics and --focal are given", expected="one of them")
     calibrated = read_intrinsics(intrinsics) if intrinsics is not None else None
@@ -344,7 +347,7 @@ def _summary(
             }
         entries.append(entry)
     return ProbeSummary(
-        str(folder / "probe.exr"),
+        str(folder / PROBE),
         str(folder / "probe.html"),
         probe.environment.convention,
         probe.environment.radiance.shape[1],
@@ -380,9 +383,9 @@ def _clipped_in_words(probe: Probe) -> str:
 
 def _write(folder: Path, probe: Probe, summary: ProbeSummary, sheet: Sheet) -> None:
     """The probe last, so that its presence says that all is there."""
-    with files_together(folder, "probe.exr") as made:
+    with files_together(folder, PROBE) as made:
         write_sheet(made / "probe.html", sheet)
         text = json.dumps(summary.as_dict(), indent=2, allow_nan=False)
         write_text(made / "probe.json", text + "\n")
         write_exr_channels(made / "probe_masks.exr", {"unseen": probe.unseen, "clipped": probe.clipped})
-        write_exr(made / "probe.exr", probe.environment.radiance)
+        write_exr(made / PROBE, probe.environment.radiance)

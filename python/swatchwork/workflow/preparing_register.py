@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import json
+import math
 import time
 import warnings
 from collections.abc import Sequence
@@ -15,6 +16,7 @@ from typing import Any
 
 from ..capture import Capture, EnvironmentSource, Frame, read_photograph, write_capture
 from ..errors import CaptureWarning, InputError
+from ..light import read_environment
 from ..material import whole_folder
 from ..prepare import Board
 from ..prepare.importing.copying import Lights, bring_mesh, bring_photograph
@@ -37,7 +39,7 @@ class RegisteredPhotograph:
 
     name: str
     placed_by: str
-    """pairs, board, outline, features or structure from motion."""
+    """ "pairs", "board", "outline" (of a sphere), "silhouette", "features" or "structure from motion"."""
     board_px: float | None
     """rms distance of the board's corners from where its pose has them."""
     pairs_px: float | None
@@ -58,7 +60,7 @@ class RegisteredPhotograph:
 
 @dataclass(frozen=True)
 class RegisterSummary:
-    """What was placed, and how well; the contents of register.json."""
+    """What was placed, and how well; but for ``capture`` and ``page`` the contents of register.json."""
 
     capture: str
     page: str
@@ -140,14 +142,19 @@ def register_photographs(
         link: hard links to the photographs instead of copies.
 
     Raises:
-        InputError: a file is missing or wrong, the pairs fit no pose, or the output holds something.
+        InputError: a file or number is missing or wrong, the pairs fit no pose, or the output holds
+            something.
         OutputError: the output cannot be written; nothing of it is left.
     """
     start = time.perf_counter()
     folder = Path(output)
     if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
         raise InputError("exists already", file=folder, expected="a new folder, or an empty one")
+    if not (math.isfinite(scan_error) and scan_error >= 0):
+        raise InputError(f"--scan-error is {scan_error:g}", expected="a finite length, 0 or more")
     lens = read_intrinsics(intrinsics)
+    if environment is not None:
+        read_environment(environment)
     files = photographs_to_register([Path(place) for place in photographs])
     if board is not None and square is None:
         raise InputError("a board is given without the size of its squares", expected="--square LENGTH too")
@@ -180,7 +187,9 @@ def register_photographs(
             write_mesh_obj(placed, thing)
         write_capture(Capture(fresh, fresh / "transforms.json", placed, (), light, tuple(frames)), fresh)
         summary = _summary(folder, found, light is not None, time.perf_counter() - start)
-        text = json.dumps(summary.as_dict(), indent=1, allow_nan=False)
+        # Folders may be moved, and other machines have others.
+        figures = {k: v for k, v in summary.as_dict().items() if k not in ("capture", "page")}
+        text = json.dumps(figures, indent=1, allow_nan=False)
         (fresh / FIGURES).write_text(text + "\n", encoding="utf-8")
         write_sheet(fresh / PAGE, register_sheet(summary, shapes, found.missing, clicked))
     return summary

@@ -9,16 +9,22 @@ from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from ..arrays import Bool
-from ..capture import IMAGE_SUFFIXES, Camera, read_image, read_mask
+from ..capture import IMAGE_SUFFIXES, Camera, Image, check_radiance, read_image, read_mask
 from ..errors import InputError
 from ..prepare.boards import read_gray
 from ..prepare.importing.found import mask_for
 from ..prepare.registering import View
 from ..progress import SILENT, Progress
 from ..surface import Mesh, read_mesh, sphere_mesh
+
+LEAST_PX = 40
+"""Side of the square that the object's largest part fills: less tells no pose."""
+SPECKLED = 0.25
+"""Share of the region in its largest part, below which there is no object but many specks."""
 
 
 def photographs_to_register(places: Sequence[Path]) -> list[Path]:
@@ -77,7 +83,8 @@ def read_views(
     """Views by name, and the mask file of each that has one.
 
     Raises:
-        InputError: an image or mask cannot be read, has another size than the lens, or a mask is missing.
+        InputError: an image or mask cannot be read, has another size than the lens, or a mask is missing; a
+            pixel inside the mask is no radiance; mask or alpha show no object, or too small a one.
     """
     if masks is not None and not masks.is_dir():
         raise InputError(
@@ -95,23 +102,70 @@ def read_views(
                     expected=f"{lens.width} x {lens.height}, as the intrinsics say",
                     hint="Calibrate with photographs of the same size and orientation",
                 )
-            region = _alpha(file)
-            mask = mask_for(masks, file.name)
-            if mask is not None:
-                found[file.stem] = mask
-                region = _mask(mask, lens)
+            mask_file = mask_for(masks, file.name)
+            mask = _mask(mask_file, lens) if mask_file is not None else None
+            if mask_file is not None:
+                found[file.stem] = mask_file
+            region = _region(file, mask, mask_file)
             views[file.stem] = View(file, replace(lens, world_from_camera=np.eye(4)), gray, region)
             task.advance()
     return views, found
 
 
-def _alpha(file: Path) -> Bool | None:
-    if file.suffix.lower() in (".jpg", ".jpeg", ".hdr"):
+def _region(file: Path, mask: Bool | None, mask_file: Path | None) -> Bool | None:
+    """Where both mask and alpha have the object; None where neither says."""
+    region = mask
+    if file.suffix.lower() not in (".jpg", ".jpeg"):
+        image = read_image(file)
+        # As the capture will be read.
+        check_radiance(image.linear, ~image.clipped if mask is None else ~image.clipped & mask, str(file))
+        alpha = _alpha(file, image)
+        if alpha is not None and mask is not None and not (alpha & mask).any():
+            raise InputError(
+                f"alpha has the object nowhere where the mask {mask_file} has it",
+                file=file,
+                expected="mask and alpha of one object",
+            )
+        region = mask if alpha is None else alpha if mask is None else alpha & mask
+    if region is not None:
+        _check_size(region, mask_file or file)
+    return region
+
+
+def _alpha(file: Path, image: Image) -> Bool | None:
+    if image.alpha is None:
         return None
-    alpha = read_image(file).alpha
-    if alpha is None or not (alpha < 1).any():
-        return None
-    return np.asarray(alpha > 0.5)
+    region = np.asarray(image.alpha > 0.5)
+    if not region.any():
+        raise InputError(
+            f"alpha is nowhere above 0.5, at most {image.alpha.max():g}",
+            file=file,
+            expected="1 where the object is, 0 elsewhere",
+        )
+    return None if region.all() else region
+
+
+def _check_size(region: Bool, file: Path) -> None:
+    # Opened, so that noise does not hang together by single pixels.
+    opened = cv2.morphologyEx(region.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    _, _, stats, _ = cv2.connectedComponentsWithStats(opened, connectivity=4)
+    largest = int(stats[1:, cv2.CC_STAT_AREA].max(initial=0))
+    across = int(np.sqrt(largest))
+    if across >= LEAST_PX:
+        return
+    if largest < SPECKLED * region.sum():
+        raise InputError(
+            f"it is speckles, the largest {across} px across",
+            file=file,
+            expected="one object, white on black or by alpha",
+            hint="Mask the photograph anew",
+        )
+    raise InputError(
+        f"the object is only {across} px large",
+        file=file,
+        expected=f"{LEAST_PX} px or more",
+        hint="Check that the mask is the object's, or take photographs from nearer",
+    )
 
 
 def _mask(file: Path, lens: Camera) -> Bool:

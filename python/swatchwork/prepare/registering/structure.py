@@ -123,7 +123,6 @@ def structure_from_motion(views: Sequence[View], work_folder: Path, features: in
     except RuntimeError as error:
         raise InputError(
             f"COLMAP failed ({str(error).strip().splitlines()[-1]})",
-            file=folder,
             expected="photographs that overlap and show texture",
         ) from error
     finally:
