@@ -119,4 +119,4 @@ def test_a_speck_of_a_mask_places_nothing(other: Path, tmp_path: Path, capsys) -
     words = command(other, tmp_path / "capture", photos="photos/p0.png")
     at = words.index("--pairs")
     assert main(words[:at] + words[at + 2 :]) == 2
-    assert "21 px large" in capsys.readouterr().err
+    assert "masks/p0.png: the object is only 20 px large" in capsys.readouterr().err
