@@ -5,8 +5,10 @@
 from __future__ import annotations
 
 import base64
+import importlib.util
 import json
 import re
+import sys
 import zlib
 from dataclasses import replace
 from pathlib import Path
@@ -24,7 +26,15 @@ from swatchwork.material import write_material
 from swatchwork.reflectance import DIFFUSE_SHAPES, extended
 from swatchwork.relight import RelitScene
 from swatchwork.simulate import procedural_environment
-from swatchwork.viewer import Light, TexelMap, ViewerScene, render_viewer, shot_of, write_viewer
+from swatchwork.viewer import (
+    Light,
+    TexelMap,
+    ViewerScene,
+    bundled_script,
+    render_viewer,
+    shot_of,
+    write_viewer,
+)
 from swatchwork.viewer.packing import Blocks, deflated, diffuse_by_shape, pack, planes, up_axis
 
 ROOM = procedural_environment("room", 1, height=16)
@@ -244,6 +254,32 @@ def test_a_missing_script_is_said(viewer: ViewerScene, monkeypatch: pytest.Monke
     monkeypatch.setattr("swatchwork.viewer.page.BUNDLE", "bundle/none.js")
     with pytest.raises(InputError, match=r"script was not built.*scripts/packaging/build_viewer\.py"):
         render_viewer(viewer)
+
+
+def test_notices_of_others_are_kept() -> None:
+    script = bundled_script()
+    for holder in ("three.js authors", "Arjun Barrett", "Syoyo Fujita", "Industrial Light & Magic"):
+        assert holder in script
+    assert script.count("Redistributions in binary form must reproduce") == 2
+    assert script.count("EVEN IF ADVISED OF THE POSSIBILITY OF SUCH DAMAGE") == 2
+
+
+def test_a_build_without_network_says_what_to_do(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    file = Path(__file__).parents[1] / "scripts" / "packaging" / "build_viewer.py"
+    spec = importlib.util.spec_from_file_location("build_viewer", file)
+    assert spec is not None and spec.loader is not None
+    build_viewer = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(build_viewer)
+    fails = [sys.executable, "-c", "raise SystemExit(1)"]
+    monkeypatch.setattr(build_viewer, "BUNDLE", tmp_path / "viewer.js")
+    monkeypatch.setattr(build_viewer, "system_node", lambda: [fails, fails])
+    with pytest.raises(
+        SystemExit, match=r"npm could not fetch three\.js.*Without a network, copy .*viewer\.js"
+    ):
+        build_viewer.build()
+    monkeypatch.setattr(build_viewer, "system_node", lambda: [fails, [sys.executable, "-c", ""]])
+    with pytest.raises(SystemExit, match="could not be bundled"):
+        build_viewer.build()
 
 
 def test_nothing_half_written(viewer: ViewerScene, tmp_path: Path) -> None:
