@@ -3,8 +3,8 @@
 """The viewer's page in a headless browser, beside `relight`, the same model on the CPU.
 
 Drawn by software, a picture takes seconds: those compared are windows of an object 160 pixels wide, and make
-some of the 64 passes that a person's still picture has: 16 on a sphere, 32 where shadow edges need more places.
-The others change them by a few tenths of a per cent.
+some of the 64 passes that a person's still picture has: 16 on a sphere, 32 where there are shadow edges. The
+others change them by a few tenths of a per cent.
 """
 
 from __future__ import annotations
