@@ -5,12 +5,15 @@
 from __future__ import annotations
 
 import base64
+import importlib.util
 import json
 import re
+import sys
 import zlib
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -23,8 +26,16 @@ from swatchwork.material import write_material
 from swatchwork.reflectance import DIFFUSE_SHAPES, extended
 from swatchwork.relight import RelitScene
 from swatchwork.simulate import procedural_environment
-from swatchwork.viewer import Light, TexelMap, ViewerScene, render_viewer, shot_of, write_viewer
-from swatchwork.viewer.packing import Blocks, deflated, diffuse_by_shape, planes, up_axis
+from swatchwork.viewer import (
+    Light,
+    TexelMap,
+    ViewerScene,
+    bundled_script,
+    render_viewer,
+    shot_of,
+    write_viewer,
+)
+from swatchwork.viewer.packing import Blocks, deflated, diffuse_by_shape, pack, planes, up_axis
 
 ROOM = procedural_environment("room", 1, height=16)
 NASTY = "</script><script>alert('&\"')//"
@@ -51,6 +62,10 @@ def viewer(knot: RelitScene) -> ViewerScene:
 @pytest.fixture(scope="module")
 def page(viewer: ViewerScene) -> str:
     return render_viewer(viewer)
+
+
+def block_bytes(blocks: Blocks, name: str) -> np.ndarray:
+    return np.frombuffer(zlib.decompress(base64.b64decode(blocks.text[name]), -15), np.uint8)
 
 
 def test_the_page_is_self_contained(page: str) -> None:
@@ -107,6 +122,26 @@ def test_blocks_read_back(page: str, knot: RelitScene) -> None:
     assert np.allclose(light, ROOM.radiance, rtol=5e-4, atol=1e-6 * ROOM.radiance.max())
 
 
+def test_more_than_256_representatives(viewer: ViewerScene) -> None:
+    small = viewer.scene
+    many = np.repeat(small.representatives, 75, axis=0)
+    index = small.index.astype(np.uint32) * 75 + 74
+    found, blocks = pack(replace(viewer, scene=replace(small, representatives=many, index=index)))
+    assert found["material"]["N"] == len(many) == 300 and blocks.about["index.0"]["type"] == "uint16"
+    octets = block_bytes(blocks, "index.0")
+    on = np.unpackbits(block_bytes(blocks, "on"), bitorder="little").astype(bool)
+    assert (octets.reshape(2, -1).T.copy().view(np.uint16)[:, 0] == index.reshape(-1, 2)[on, 0]).all()
+    assert index.max() > 255
+
+
+def test_more_representatives_than_a_page_can_number(
+    viewer: ViewerScene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("swatchwork.viewer.packing.MOST_REPRESENTATIVES", 3)
+    with pytest.raises(InputError, match="4 representatives are too many for a page; expected at most 3"):
+        pack(viewer)
+
+
 def test_a_map_keeps_what_is_not_known_apart(page: str, knot: RelitScene) -> None:
     text = re.search(r'id="block:map.0">([^<]*)<', page)
     assert text is not None
@@ -145,6 +180,41 @@ def test_up_is_what_cameras_agree_on() -> None:
 def test_a_wide_light_is_halved() -> None:
     wide = Environment(np.ones((1024, 2048, 3), np.float32), "mitsuba")
     assert Light.of("wide", wide).environment.radiance.shape == (512, 1024, 3)
+
+
+@pytest.mark.parametrize(
+    ("convention", "height", "width"), [("blender", 515, 1030), ("debevec-angular", 1033, 1033)]
+)
+def test_a_wide_light_of_odd_sides_is_shrunk(convention: str, height: int, width: int) -> None:
+    rng = np.random.default_rng(0)
+    # Smooth from pixel to pixel, so that the means of both rasters are those of one light.
+    radiance = cv2.GaussianBlur(rng.random((height, width, 3)).astype(np.float32), (0, 0), 8)
+    wide = Environment(radiance, convention)
+    found = Light.of("odd", wide).environment
+    assert found.radiance.shape == (1024 * height // width, 1024, 3)
+    assert np.allclose(found.mean_radiance, wide.mean_radiance, rtol=1e-4)
+    inside = found.solid_angles > 0
+    assert found.radiance[inside].min() >= 0.99 * radiance.min()
+
+
+def test_a_masked_photograph_keeps_its_surroundings_out(tmp_path: Path) -> None:
+    # Twice as wide as on the page, and the mask ends in the middle of a pixel of the page.
+    camera = Camera(1280, 4, 900.0, 900.0, 640.0, 2.0, np.eye(4))
+    image = np.full((4, 1280, 3), 10.0, np.float32)
+    image[:, :641] = 0.5
+    mask = np.zeros((4, 1280, 3), np.float32)
+    mask[:, :641] = 1
+    write_exr(tmp_path / "a.exr", image)
+    write_exr(tmp_path / "mask.exr", mask)
+    source = EnvironmentSource(tmp_path / "env.exr", "mitsuba", np.eye(3))
+    frame = Frame("a.exr", tmp_path / "a.exr", tmp_path / "mask.exr", 1.0, camera, source)
+    pixels = shot_of(frame, 1.0, 0, np.eye(3)).pixels
+    assert pixels.shape == (2, 640, 4)
+    assert (pixels[:, :320, 3] == 255).all() and (pixels[:, 320, 3] == 128).all()
+    assert (pixels[:, 321:] == 0).all()
+    own = (pixels[:, :321, :3] / 255.0) ** 2.2 / (pixels[:, :321, 3:] / 255.0)
+    # Eight bits of a gamma of 2.2.
+    assert np.allclose(own, 0.5, rtol=0.02)
 
 
 def test_a_photograph_loses_its_lens_distortion(tmp_path: Path) -> None:
@@ -186,11 +256,73 @@ def test_a_missing_script_is_said(viewer: ViewerScene, monkeypatch: pytest.Monke
         render_viewer(viewer)
 
 
+def test_notices_of_others_are_kept() -> None:
+    script = bundled_script()
+    for holder in ("three.js authors", "Arjun Barrett", "Syoyo Fujita", "Industrial Light & Magic"):
+        assert holder in script
+    assert script.count("Redistributions in binary form must reproduce") == 2
+    assert script.count("EVEN IF ADVISED OF THE POSSIBILITY OF SUCH DAMAGE") == 2
+
+
+def test_a_build_without_network_says_what_to_do(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    file = Path(__file__).parents[1] / "scripts" / "packaging" / "build_viewer.py"
+    spec = importlib.util.spec_from_file_location("build_viewer", file)
+    assert spec is not None and spec.loader is not None
+    build_viewer = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(build_viewer)
+    fails = [sys.executable, "-c", "raise SystemExit(1)"]
+    monkeypatch.setattr(build_viewer, "BUNDLE", tmp_path / "viewer.js")
+    monkeypatch.setattr(build_viewer, "system_node", lambda: [fails, fails])
+    with pytest.raises(
+        SystemExit, match=r"npm could not fetch three\.js.*Without a network, copy .*viewer\.js"
+    ):
+        build_viewer.build()
+    monkeypatch.setattr(build_viewer, "system_node", lambda: [fails, [sys.executable, "-c", ""]])
+    with pytest.raises(SystemExit, match="could not be bundled"):
+        build_viewer.build()
+
+
 def test_nothing_half_written(viewer: ViewerScene, tmp_path: Path) -> None:
     (tmp_path / "page.html").mkdir()
     with pytest.raises(OutputError, match="could not be written"):
         write_viewer(tmp_path / "page.html", viewer)
     assert [p.name for p in tmp_path.iterdir()] == ["page.html"]
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, MemoryError])
+def test_nothing_half_written_when_stopped(
+    viewer: ViewerScene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: type[BaseException]
+) -> None:
+    file = tmp_path / "page.html"
+    file.write_text("before")
+
+    def stopped(*_: object) -> None:
+        raise error
+
+    monkeypatch.setattr(Path, "replace", stopped)
+    with pytest.raises(error):
+        write_viewer(file, viewer)
+    assert list(tmp_path.iterdir()) == [file] and file.read_text() == "before"
+
+
+def test_a_title_that_is_no_unicode(viewer: ViewerScene, tmp_path: Path) -> None:
+    file = write_viewer(tmp_path / "page.html", replace(viewer, title="a\udcffb"))
+    assert "<title>a?b</title>" in file.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", ["svbrdf.json", "report.html", "a folder"])
+def test_only_a_viewer_is_replaced(tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str) -> None:
+    file = tmp_path / name
+    text = '<meta name="generator" content="swatchwork 1">'
+    if name == "a folder":
+        file.mkdir()
+    else:
+        file.write_text(text)
+    # Before any work: there is no material to be missed.
+    assert main(["view", str(tmp_path / "none"), "-o", str(file), "--no-open"]) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "exists, and is not a viewer's page" in said
+    assert file.is_dir() or file.read_text() == text
 
 
 def test_needs_light(knot: RelitScene) -> None:
@@ -209,11 +341,14 @@ def test_the_command(
     made = json.loads(capsys.readouterr().out)
     assert Path(made["page"]) == tmp_path / "material" / "viewer.html" and made["photographs"] == 0
     before = Path(made["page"]).stat().st_mtime_ns
-    # The page is there: it is opened as it is.
+    # The page is there: it is opened as it is, and nothing said of what is on it.
     assert main(command) == 0 and Path(made["page"]).stat().st_mtime_ns == before
-    capsys.readouterr()
+    found = json.loads(capsys.readouterr().out)
+    assert found["page"] == made["page"] and found["lights"] is found["photographs"] is None
     light = ["--light", str(tmp_path / "sky.exr"), "-o", str(tmp_path / "look.html")]
     assert main([*command, *light]) == 2
     assert "--convention" in capsys.readouterr().err
     assert main([*command, *light, "--convention", "blender"]) == 0
     assert "sky.exr" in json.loads(capsys.readouterr().out)["lights"]
+    # A viewer's page is replaced.
+    assert main([*command, *light, "--convention", "blender"]) == 0

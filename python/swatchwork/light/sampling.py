@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
 from swatchwork.arrays import F32, F64, Float
@@ -49,6 +50,19 @@ def halved(radiance: F32, convention: str) -> F32:
 
     light = sums(np.where(weight > 0, radiance, 0) * weight)
     return (light / np.maximum(sums(weight), 1e-300)).astype(np.float32)
+
+
+def shrunk(radiance: F32, convention: str, width: int) -> F32:
+    """The raster [H, W, 3] at a smaller width; each pixel is the solid-angle mean of the area under it."""
+    weight = solid_angles(convention, *radiance.shape[:2])[..., None]
+    size = width, max(1, round(width * radiance.shape[0] / radiance.shape[1]))
+
+    def means(values: F64) -> F64:
+        found = cv2.resize(values, size, interpolation=cv2.INTER_AREA)
+        return np.asarray(found.reshape(size[1], size[0], -1), np.float64)
+
+    light = means(np.where(weight > 0, radiance, 0) * weight)
+    return (light / np.maximum(means(weight), 1e-300)).astype(np.float32)
 
 
 def _beyond_rim(radiance: F32) -> F32:

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: MIT
 """An interactive page: the material under any light, in a browser, from one file."""
 
-from .page import bundled_script, render_viewer, write_viewer
+from .page import bundled_script, check_replaceable, render_viewer, write_viewer
 from .scene import Light, Shot, TexelMap, ViewerScene, shot_of
 
 __all__ = [
@@ -11,6 +11,7 @@ __all__ = [
     "TexelMap",
     "ViewerScene",
     "bundled_script",
+    "check_replaceable",
     "render_viewer",
     "shot_of",
     "write_viewer",

@@ -19,6 +19,7 @@ from PIL import Image
 
 from ..arrays import F32, F64, I32, U8, U16, U64, Bool
 from ..capture import Camera
+from ..errors import InputError
 from ..light import Environment
 from ..reflectance import DIFFUSE_KERNELS, DIFFUSE_SHAPES, GenericBasis
 from ..relight import RelitScene
@@ -26,6 +27,9 @@ from ..surface import SkyMasks, build_atlas
 from .scene import Shot, TexelMap, ViewerScene
 
 Array = npt.NDArray[Any]
+
+MOST_REPRESENTATIVES = 65536
+"""The page keeps a representative's number in half of a word of 32 bits, the weight in the other."""
 
 
 @dataclass
@@ -114,11 +118,14 @@ def _atlas(blocks: Blocks, scene: RelitScene, on: Bool) -> dict[str, Any]:
     """Blends of texels and their shadow masks, texel after texel; the page fills the gutter itself."""
     size, n = scene.texel_of_pixel.shape[0], scene.index.shape[-1]
     index, weight = scene.index[on], scene.weight[on]
-    if len(scene.representatives) > 256:
-        raise ValueError("a page holds up to 256 representatives")
+    N = len(scene.representatives)
+    if N > MOST_REPRESENTATIVES:
+        raise InputError(
+            f"{N} representatives are too many for a page", expected=f"at most {MOST_REPRESENTATIVES}"
+        )
     blocks.add("on", np.packbits(on, bitorder="little"))
     for i in range(n):
-        blocks.add(f"index.{i}", index[:, i].astype(np.uint8))
+        blocks.add(f"index.{i}", index[:, i].astype(np.uint8 if N <= 256 else np.uint16))
         # The last weight is what the others leave of 1.
         if i < n - 1:
             blocks.add(f"weight.{i}", quantised(weight[:, i]), "delta")

@@ -13,6 +13,7 @@ from html import escape
 from importlib.resources import files
 from os import PathLike
 from pathlib import Path
+from secrets import token_hex
 from string import Template
 
 from ..errors import InputError, OutputError
@@ -21,6 +22,9 @@ from .scene import ViewerScene
 
 BUNDLE = "bundle/viewer.js"
 BUILD = "scripts/packaging/build_viewer.py"
+MARKS = (b'<meta name="generator" content="swatchwork', b'<canvas id="stage"')
+"""What every page has among its first `MARK_BYTES`, and no other page of ours."""
+MARK_BYTES = 65536
 POLICY = (
     "default-src 'none'; script-src '{hash}'; style-src 'unsafe-inline'; img-src data: blob:; "
     "connect-src 'none'; base-uri 'none'; form-action 'none'"
@@ -60,18 +64,49 @@ def write_viewer(file: str | PathLike[str], viewer: ViewerScene) -> Path:
         OutputError: the file cannot be written.
     """
     path = Path(file)
-    partial = path.with_name(path.name + ".partial")
+    partial = path.with_name(f".{token_hex(8)}.partial")
     parts = list(_parts(viewer))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with partial.open("w", encoding="utf-8") as stream:
+        # Names of files may hold what is no Unicode: surrogates, which UTF-8 has no bytes for.
+        with partial.open("x", encoding="utf-8", errors="replace") as stream:
             stream.writelines(parts)
         partial.replace(path)
-    except OSError as error:
+    except BaseException as error:
         with suppress(OSError):
             partial.unlink()
-        raise OutputError(f"{path}: the viewer could not be written: {error.strerror}") from error
+        if isinstance(error, OSError):
+            raise OutputError(f"{path}: the viewer could not be written: {error.strerror}") from error
+        raise
     return path
+
+
+def check_replaceable(file: str | PathLike[str]) -> None:
+    """That nothing is lost where a page is written to ``file``: it is new, or a page of ours.
+
+    Raises:
+        InputError: there is something else.
+    """
+    path = Path(file)
+    if path.exists() and not is_viewer(path):
+        raise InputError(
+            "exists, and is not a viewer's page",
+            file=path,
+            expected="a new file, or a page that swatchwork wrote, to replace",
+            hint="Give another --output, or move it away",
+        )
+
+
+def is_viewer(path: Path) -> bool:
+    """Whether a file is a viewer's page, by how it begins."""
+    try:
+        if not path.is_file():
+            return False
+        with path.open("rb") as stream:
+            start = stream.read(MARK_BYTES)
+    except OSError:
+        return False
+    return all(mark in start for mark in MARKS)
 
 
 def _parts(viewer: ViewerScene) -> Iterator[str]:

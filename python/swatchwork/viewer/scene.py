@@ -13,11 +13,11 @@ from ..arrays import F32, F64, U8
 from ..capture import Camera, Frame, read_photograph
 from ..errors import InputError
 from ..light import Environment
-from ..light.sampling import halved
+from ..light.sampling import halved, shrunk
 from ..relight import RelitScene
 
 LIGHT_PX = 1024
-"""Widest light a page carries; wider ones are halved."""
+"""Widest light a page carries; wider ones are halved, or shrunk where a side is odd."""
 PHOTOGRAPH_PX = 640
 """Longest side of a photograph on the page."""
 
@@ -31,10 +31,12 @@ class Light:
 
     @classmethod
     def of(cls, name: str, environment: Environment) -> Light:
-        """``environment``, halved until it is no wider than the page carries."""
+        """``environment``, no wider than the page carries."""
         radiance = environment.radiance
         while radiance.shape[1] > LIGHT_PX and not any(side % 2 for side in radiance.shape[:2]):
             radiance = halved(radiance, environment.convention)
+        if radiance.shape[1] > LIGHT_PX:
+            radiance = shrunk(radiance, environment.convention, LIGHT_PX)
         return cls(name, replace(environment, radiance=radiance))
 
 
@@ -100,8 +102,10 @@ def shot_of(frame: Frame, white: float, light: int, turn: F64) -> Shot:
         camera, width=width, height=height, fx=camera.fx * x, fy=camera.fy * y, cx=camera.cx * x,
         cy=camera.cy * y, k1=0.0, k2=0.0, p1=0.0, p2=0.0,
     )  # fmt: skip
-    alpha = photograph.alpha if photograph.mask is None else photograph.alpha * photograph.mask
-    radiance = np.concatenate([photograph.radiance, alpha[..., None]], axis=-1).astype(np.float32)
+    radiance = np.concatenate([photograph.radiance, photograph.alpha[..., None]], axis=-1).astype(np.float32)
+    if photograph.mask is not None:
+        # Radiance too: what surrounds the object would be mixed into its rim where the photograph shrinks.
+        radiance *= photograph.mask[..., None]
     if any((camera.k1, camera.k2, camera.p1, camera.p2)):
         radiance = _undistorted(radiance, camera)
     fitted = np.asarray(cv2.resize(radiance, (width, height), interpolation=cv2.INTER_AREA), np.float32)

@@ -43,8 +43,9 @@ class ViewSummary:
 
     page: str
     megabytes: float
-    lights: tuple[str, ...]
-    photographs: int
+    lights: tuple[str, ...] | None
+    """None of a page that was found: it is not read."""
+    photographs: int | None
     seconds: float
 
     def as_dict(self) -> dict[str, Any]:
@@ -75,7 +76,8 @@ def view_folder(
         lights: further HDR images, all of ``convention``.
 
     Raises:
-        InputError: material, capture or a light is wrong, or the viewer's script was not built.
+        InputError: material, capture or a light is wrong, the viewer's script was not built, or ``output``
+            is there and no viewer's page.
         OutputError: the page cannot be written.
     """
     start = time.perf_counter()
@@ -83,15 +85,16 @@ def view_folder(
     path = folder / VIEWER if output is None else Path(output)
     if convention is not None and not lights:
         raise InputError("--convention says how --light is read", expected="--light FILE too")
-    own = [Light.of(Path(f).name, _given(f, convention)) for f in lights]
     if (
         output is None
         and capture is None
-        and not own
+        and not lights
         and path.is_file()
         and (folder / "svbrdf.json").is_file()
     ):
-        return ViewSummary(str(path), path.stat().st_size / 1e6, (), 0, time.perf_counter() - start)
+        return ViewSummary(str(path), path.stat().st_size / 1e6, None, None, time.perf_counter() - start)
+    viewer.check_replaceable(path)
+    own = [Light.of(Path(f).name, _given(f, convention)) for f in lights]
     material = read_material(folder)
     taken = read_capture(capture) if capture is not None else None
     with progress.stage("shadows"):

@@ -56,6 +56,8 @@ export class Program {
 
 /** A texture of one level, not filtered unless asked. */
 export function texture2D(gl, [internal, format, type], width, height, data = null, filter = gl.NEAREST) {
+  const most = gl.getParameter(gl.MAX_TEXTURE_SIZE);
+  if (Math.max(width, height) > most) throw new Error(`this graphics card has textures of up to ${most} x ${most}, not ${width} x ${height}`);
   const texture = gl.createTexture();
   gl.bindTexture(gl.TEXTURE_2D, texture);
   gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);

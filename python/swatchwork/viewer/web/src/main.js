@@ -17,6 +17,8 @@ import { fitted, matrix4, viewOf } from "./view.js";
 const SPHERE_TEXELS = 128;
 /** Widest dropped light; wider ones are halved. */
 const LIGHT_PX = 1024;
+/** The kind of map that has a number for each texel of the object. */
+const OF_TEXELS = 3;
 
 class Viewer {
   constructor(head) {
@@ -24,7 +26,7 @@ class Viewer {
     this.canvas = document.getElementById("stage");
     this.lights = head.lights.map((about) => ({ ...about, held: null }));
     const { material } = head;
-    this.renderer = new Renderer(this.canvas, material, colourTable(material));
+    this.renderer = new Renderer(this.canvas, material, colourTable(material), head.atlas.n);
     this.stage = new Stage(this.renderer, head);
     this.orbit = new Orbit(this.canvas, head, () => this.moved());
     this.stage.camera = (width, height) =>
@@ -84,9 +86,10 @@ class Viewer {
   }
 
   async setConvention(convention) {
-    const about = this.lights[this.light];
+    const about = this.lights[this.light], before = about.held;
     Object.assign(about, { convention, held: null });
     await this.setLight(this.light);
+    this.renderer.gl.deleteTexture(before.cube.texture);
   }
 
   rotate(angle) {
@@ -103,7 +106,6 @@ class Viewer {
   async compare(number) {
     const shot = number === null ? null : this.head.shots[number];
     if (!shot) {
-      if (this.shot) this.orbit.from(matrix4(this.shot.camera.pose));
       this.shot = this.stage.photograph = null;
       this.stage.change();
       return;
@@ -113,6 +115,9 @@ class Viewer {
       const picture = await createImageBitmap(file, { premultiplyAlpha: "none" });
       this.photographs.set(number, { texture: this.#photograph(picture), white: shot.white });
     }
+    // Whoever orbits away, or closes the photograph, goes on from its place.
+    this.shot = null;
+    this.orbit.from(matrix4(shot.camera.pose));
     this.shot = shot;
     this.stage.photograph = this.photographs.get(number);
     this.stage.angle = 0;
@@ -130,12 +135,13 @@ class Viewer {
     return { target: gl.TEXTURE_2D, texture };
   }
 
-  /** One representative on a sphere, or the object itself (null). */
+  /** One representative on a sphere, lit where the map was of the object's texels; or the object itself (null). */
   sphere(index) {
     this.onSphere = index !== null;
     if (this.onSphere) {
       this.chosen = index;
       this.renderer.reblend(this.ball, alone(index, SPHERE_TEXELS));
+      if (this.stage.map?.kind === OF_TEXELS) this.stage.map = null;
     }
     this.stage.object = this.onSphere ? this.ball : this.scanned;
     this.stage.change("light");
@@ -146,7 +152,10 @@ class Viewer {
     let map = null;
     if (found) {
       map = { kind: found.kind, chosen: this.chosen, values: null };
-      if (found.kind === 3) map.values = (await this.valuesOf(found.number)).texture;
+      if (found.kind === OF_TEXELS) {
+        map.values = (await this.valuesOf(found.number)).texture;
+        if (this.onSphere) this.sphere(null);
+      }
     }
     this.stage.map = map;
     // Under a light that changed meanwhile the cache is out of date.

@@ -202,14 +202,14 @@ export class Panel {
   }
 
   async pickMap(number) {
-    this.map.value = number;
     await this.viewer.map(this.maps[number].value);
+    this.map.value = number;
     this.refresh();
   }
 
   async pickSphere(index) {
     this.viewer.sphere(index);
-    if (Number(this.map.value) === 2) await this.viewer.map(this.maps[2].value);
+    if (this.viewer.stage.map?.kind === 2) await this.viewer.map(this.viewer.stage.map);
     this.refresh();
   }
 
@@ -302,11 +302,13 @@ export class Panel {
   }
 
   refresh() {
-    const { viewer } = this, { head } = viewer, map = this.maps[Number(this.map.value)];
+    const { viewer } = this, { head } = viewer;
     if (this.light.childElementCount !== viewer.lights.length)
       this.light.replaceChildren(...viewer.lights.map((l, k) => el("option", { textContent: l.name, value: k })));
     this.light.value = viewer.light;
     const current = viewer.lights[viewer.light];
+    // The viewer drops a map where it has no meaning.
+    if (!viewer.stage.map) this.map.value = 0;
     this.conventionRow.hidden = !current.dropped;
     this.convention.value = current.convention;
     this.rotate(Math.round((viewer.stage.angle * 180) / Math.PI));
@@ -315,7 +317,7 @@ export class Panel {
     this.object.classList.toggle("on", !viewer.onSphere);
     this.chips.forEach((chip, n) => chip.classList.toggle("on", viewer.onSphere && viewer.chosen === n));
     this.chipNote.textContent = viewer.onSphere ? head.material.notes[viewer.chosen] ?? "" : "";
-    this.legend.replaceChildren(...this.#legend(map));
+    this.legend.replaceChildren(...this.#legend(this.maps[Number(this.map.value)]));
     if (!this.readout.childElementCount) this.point(-1, -1);
     this.placeHandle();
   }

@@ -14,7 +14,7 @@ const ONE = [0, 0, 1, 1];
 const QUICK = 256, LARGEST = 2048;
 
 export class Renderer {
-  constructor(canvas, material, colours) {
+  constructor(canvas, material, colours, slots) {
     const gl = canvas.getContext("webgl2", { antialias: false, alpha: false, powerPreference: "high-performance" });
     if (!gl) throw new Error("this browser has no WebGL 2");
     const float = gl.getExtension("EXT_color_buffer_float");
@@ -30,7 +30,7 @@ export class Renderer {
     const { SURFACE, FLAT, EVERYWHERE } = shaders;
     this.programs = {
       depth: new Program(gl, SURFACE, shaders.NOTHING),
-      shaded: new Program(gl, SURFACE, shaders.shaded(material)),
+      shaded: new Program(gl, SURFACE, shaders.shaded(material, slots)),
       mapped: new Program(gl, SURFACE, shaders.MAPPED),
       where: new Program(gl, SURFACE, shaders.WHERE),
       diffuse: new Program(gl, FLAT, shaders.diffuse(diffusePairs(material))),

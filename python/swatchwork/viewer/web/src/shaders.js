@@ -209,8 +209,8 @@ function masking(name, g) {
   };
 }
 
-/** Radiance of a pass: the walk over the rings, and the diffuse part from the texels' cache. */
-export function shaded(material) {
+/** Radiance of a pass: the walk over the rings, and the diffuse part from the texels' cache. Blends have up to so many slots. */
+export function shaded(material, slots) {
   const terms = material.maskings.map(masking), F = material.fresnel.length, planes = terms.length * F;
   return `${HEAD}${OCTAHEDRAL}${LIGHT}${SHAPES}${BLEND}${SKY}
 in vec3 vPosition;
@@ -230,7 +230,7 @@ uniform sampler2D uCache3;
 layout(location = 0) out vec4 colour;
 const int PLANES = ${planes};
 const int AZIMUTHS = 6;
-const int MOST = 8;
+const int SLOTS = ${slots};
 
 vec3 diffuse(float no) {
   ivec2 size = textureSize(uCache0, 0);
@@ -278,8 +278,8 @@ void main() {
 
   ivec2 texel = texelOf(vUv, uDither);
   int mask = uShadowed ? int(texelFetch(uSkyRow, texelOf(vUv, vec2(0.0)), 0).r) - 1 : -1;
-  int index[MOST];
-  float blend[MOST];
+  int index[SLOTS];
+  float blend[SLOTS];
   for (int k = 0; k < uSlots; k++) {
     uint slot = texelFetch(uBlend, ivec3(texel, k), 0).r;
     index[k] = int(slot >> 16) * PLANES;
