@@ -33,6 +33,9 @@ from .relighting import given_environment, rotation_matrix
 
 FORMATS = ("gltf", "mitsuba", "blender", "materialx", "maps")
 
+EXCLUDED = {"blender": "Blender's Fresnel, which follows n.o where the fitted model's follows o.h"}
+"""By format, where the stated loss is not all: how the program's rendering departs from the fitted model."""
+
 
 @dataclass(frozen=True)
 class ExportSummary:
@@ -44,6 +47,8 @@ class ExportSummary:
     rendered_loss: float | None
     """NRMS of the fitted model's pictures against the material's, under a light it was not fitted to; None
     where nothing was fitted."""
+    rendered_loss_excludes: str | None
+    """What the program does otherwise than the fitted model, and that figure does not hold."""
     clipped: float | None
     """Share of texels whose base colour would have to be above 1."""
     seconds: float
@@ -57,6 +62,8 @@ class ExportSummary:
         loss = ""
         if self.rendered_loss is not None:
             loss = f"; fitted to one lobe, which costs {100 * self.rendered_loss:.1f} % (NRMS, rendered)"
+        if self.rendered_loss_excludes is not None:
+            loss += f" before {self.rendered_loss_excludes}"
         if self.clipped:
             loss += f", {100 * self.clipped:.1f} % of the texels clipped at base colour 1"
         return f"{self.format} in {self.output}{loss} ({self.seconds:.1f} s)"
@@ -114,7 +121,7 @@ def export_material(
     else:
         with export_folder(output, target) as (folder, head):
             if fit is not None:
-                head |= _loss(fit)
+                head |= _loss(fit, target)
             if target == "gltf" and fit is not None:
                 glb_file(folder / "object.glb", material, fit, padding, z_up=z_up, name=name)
             elif target == "mitsuba" and frames is not None:
@@ -130,13 +137,16 @@ def export_material(
         target,
         str(output),
         fit.loss_nrms if fit else None,
+        EXCLUDED.get(target),
         fit.clipped if fit else None,
         time.perf_counter() - start,
     )
 
 
-def _loss(fit: StandardFit) -> dict[str, float]:
+def _loss(fit: StandardFit, target: str) -> dict[str, float | str | None]:
     return {
+        "rendered_loss_is_of": "the fitted model, that of glTF 2.0",
+        "rendered_loss_excludes": EXCLUDED.get(target),
         "rendered_loss_nrms": fit.loss_nrms,
         "rendered_loss_nrms_of_fitted_lights": fit.fit_nrms,
         "base_colour_clipped": fit.clipped,
