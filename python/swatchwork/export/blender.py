@@ -17,7 +17,7 @@ from .fitting import StandardFit
 from .folder import write_json
 from .mitsuba import script
 from .standard import F0, Standard
-from .surroundings import BLENDER_FROM_MITSUBA, Surroundings, latitude_longitude
+from .surroundings import BLENDER_FROM_MITSUBA, Surroundings, latitude_longitude, warn_of_lenses
 from .textures import Padding
 
 
@@ -43,6 +43,7 @@ def write_blender(
         write_exr(folder / f"environment_{i}.exr", raster.radiance)
         turn = world_from_mitsuba @ BLENDER_FROM_MITSUBA.T
         lights.append({"file": f"environment_{i}.exr", "world_from_environment": turn.tolist()})
+    warn_of_lenses(frames.cameras, square=False)
     names = output_names(list(frames.names))
     listed = [
         {"name": name, "light": light, **_camera(camera)}
