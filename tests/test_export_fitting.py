@@ -79,8 +79,9 @@ def test_integrals_are_those_of_the_model() -> None:
 
 
 def ggx_material(p: Standard, resolution: int = 32) -> Material:
-    """A ball that the model holds exactly, in stripes: a metal, a glossless diffuse surface, and if there is a
-    third of p, one that is part metal and part glossless."""
+    """A ball that the model holds exactly, in stripes: a metal, a glossless diffuse surface and, if p has a
+    third, one that is part metal and part glossless.
+    """
     alpha = float(p.roughness[0] ** 2)
     sigmas = np.geomspace(alpha / 4, 40.0, 60)
     basis = GenericBasis("ggx", sigmas, (f"smith:{alpha:.17g}",), ("lambert",))
