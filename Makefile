@@ -94,8 +94,8 @@ reproduce: setup ## run the paper's experiments (hours); write docs/reproduction
 	cp target/reproduction/reproduction.md docs/reproduction.md
 	rm -rf docs/pictures && cp -r target/reproduction/pictures docs/pictures
 
-gltf-validator: ## install the Khronos glTF validator (npm) into target/, for the tests that use it
-	npm install --prefix target --no-save --no-audit --no-fund gltf-validator
+gltf-validator: $(VENV)/.installed ## install the Khronos glTF validator (npm) into target/, for the tests that use it
+	$(BIN)/python scripts/packaging/gltf_validator.py
 
 picture: setup ## make the README's picture, docs/picture.png, from the demo
 	$(BIN)/swatchwork demo $(DEMO) --picture docs/picture.png

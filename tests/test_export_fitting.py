@@ -79,23 +79,27 @@ def test_integrals_are_those_of_the_model() -> None:
 
 
 def ggx_material(p: Standard, resolution: int = 32) -> Material:
-    """A ball of metals and glossless diffuse surfaces that the model holds exactly, half and half."""
+    """A ball that the model holds exactly, in stripes: a metal, a glossless diffuse surface and, if p has a
+    third, one that is part metal and part glossless.
+    """
     alpha = float(p.roughness[0] ** 2)
     sigmas = np.geomspace(alpha / 4, 40.0, 60)
     basis = GenericBasis("ggx", sigmas, (f"smith:{alpha:.17g}",), ("lambert",))
-    weights = np.zeros((2, basis.kernels, 3))
+    metallic = [1.0, 0.0, *p.metallic[2:]]
+    weights = np.zeros((len(metallic), basis.kernels, 3))
     mixture = ggx_mixture(alpha, sigmas)[:, None]
-    for power, share in ((5, 1 - p.base_colour[0]), (0, p.base_colour[0])):
-        first = basis.fresnel.index(power) * len(sigmas)
-        weights[0, first : first + len(sigmas)] = mixture * share
-    weights[1, -1] = p.base_colour[1]
+    for n, (m, colour) in enumerate(zip(metallic, p.base_colour, strict=True)):
+        for power, share in ((5, 1 - colour), (0, colour)):
+            first = basis.fresnel.index(power) * len(sigmas)
+            weights[n, first : first + len(sigmas)] = m * mixture * share
+        weights[n, -1] = (1 - m) * colour
     mesh = shape("sphere", 16)
     atlas = build_atlas(mesh, resolution)
     square = (resolution, resolution)
     coverage = np.full(square, -1, np.int32)
     coverage[atlas.row, atlas.col] = 1
     index = np.zeros((*square, 1), np.uint32)
-    index[:, resolution // 2 :] = 1
+    index[..., 0] = np.arange(resolution) * len(metallic) // resolution
     assert mesh.uv is not None
     return Material(
         BasisRecord(basis.name, tuple(sigmas.tolist()), basis.maskings, basis.diffuse, basis.fresnel),
@@ -112,12 +116,14 @@ def ggx_material(p: Standard, resolution: int = 32) -> Material:
 
 
 def test_finds_what_the_model_holds() -> None:
-    truth = surfaces(2, 7)
+    truth = surfaces(3, 7)
     level = int(np.argmin(np.abs(LEVELS - 0.2)))
     truth = replace(
         truth,
-        roughness=np.full(2, np.sqrt(LEVELS[level])),
-        base_colour=np.array([[0.9, 0.6, 0.3], [0.2, 0.3, 0.5]]),
+        metallic=np.array([1.0, 0.0, 0.4]),
+        roughness=np.full(3, np.sqrt(LEVELS[level])),
+        base_colour=np.array([[0.9, 0.6, 0.3], [0.2, 0.3, 0.5], [0.7, 0.5, 0.4]]),
+        specular=np.zeros(3),
     )
     material = ggx_material(truth)
     fit = fit_standard(material)
@@ -125,18 +131,18 @@ def test_finds_what_the_model_holds() -> None:
     assert fit.fit_nrms < 0.02
     assert fit.loss_nrms < 0.02
     assert fit.clipped == 0
-    first, second = (int(fit.blend_of_texel[np.flatnonzero(rows)[0]]) for rows in _halves(material))
+    stripe = material.index[material.on_atlas][:, 0]
+    first, second, third = (int(fit.blend_of_texel[np.flatnonzero(stripe == n)[0]]) for n in range(3))
     p = fit.parameters
     assert p.metallic[first] > 0.9
     assert p.base_colour[first] == pytest.approx(truth.base_colour[0], abs=0.03)
     assert p.roughness[first] == pytest.approx(truth.roughness[0], rel=0.05)
     assert p.base_colour[second] == pytest.approx(truth.base_colour[1], rel=0.03)
     assert (p.specular[second] * np.minimum(F0 * p.specular_colour[second], 1)).max() < 0.01
-
-
-def _halves(material: Material) -> list[np.ndarray]:
-    index = material.index[material.on_atlas][:, 0]
-    return [index == 0, index == 1]
+    # Part metal says the same as a dielectric that reflects much, but for the little that one takes beneath.
+    assert 0.1 < p.metallic[third] < 0.5
+    assert coefficients(p)[third] == pytest.approx(coefficients(truth)[2], abs=0.03)
+    assert p.roughness[third] == pytest.approx(truth.roughness[2], rel=0.05)
 
 
 def test_gutters_show_the_nearest_texel() -> None:

@@ -67,16 +67,19 @@ def requirements() -> list[str]:
     return [] if is_built() or system_node() else [NODE_PACKAGE]
 
 
+def node_and_npm(what: str) -> list[list[str]]:
+    """Both as commands, the system's or the pip package's; SystemExit says that ``what`` needs them."""
+    found = system_node() or packaged_node()
+    if found is None:
+        raise SystemExit(f"{what} needs node {OLDEST_NODE} or newer with npm: pip install '{NODE_PACKAGE}'")
+    return found
+
+
 def build() -> None:
     """Make the bundle if need be; SystemExit says what is missing."""
     if is_built():
         return
-    found = system_node() or packaged_node()
-    if found is None:
-        raise SystemExit(
-            f"the viewer's script needs node {OLDEST_NODE} or newer with npm: pip install '{NODE_PACKAGE}'"
-        )
-    node, npm = found
+    node, npm = node_and_npm("the viewer's script")
     # Nothing that a package brings is run but esbuild, by us.
     fetch = [*npm, "ci", "--ignore-scripts", "--prefer-offline", "--loglevel=error"]
     if subprocess.run(fetch, cwd=WEB, check=False).returncode:

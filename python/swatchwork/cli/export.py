@@ -57,7 +57,14 @@ def export(
         str | None,
         typer.Option(metavar="AXIS:DEGREES", help="Turn the light about a world axis, such as z:90."),
     ] = None,
-    up: Annotated[Axis, typer.Option(help="World axis that points up (gltf, where y does).")] = Axis.y,
+    up: Annotated[
+        Axis | None,
+        typer.Option(
+            help="World axis that points up (gltf, which lays it along y; mitsuba and blender without "
+            "--cameras, for the made-up view and sky).",
+            show_default="z, whatever the format",
+        ),
+    ] = None,
     threads: Threads = None,
     as_json: AsJson = False,
     verbose: Verbose = False,
@@ -90,7 +97,7 @@ def export(
             environment=environment,
             convention=None if convention is None else convention.value,
             rotation=rotation,
-            z_up=up is Axis.z,
+            up=None if up is None else up.value,
             progress=run.progress,
         )
         run.say(summary.in_words())

@@ -12,6 +12,7 @@ from __future__ import annotations
 import json
 import os
 import struct
+from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ from ..keeping import Array
 from ..material import Material
 from .fitting import StandardFit
 from .standard import IOR
+from .surroundings import UP, Up
 from .textures import Padding, eight_bits, png_bytes, srgb_coded
 
 FLOAT, UNSIGNED_INT = 5126, 5125
@@ -35,9 +37,9 @@ Z_UP = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]
 
 
 def glb_bytes(
-    material: Material, fit: StandardFit, padding: Padding, *, z_up: bool = False, name: str = "object"
+    material: Material, fit: StandardFit, padding: Padding, *, up: Up = UP, name: str = "object"
 ) -> bytes:
-    """The file's content. ``z_up`` says that the world's z axis points up, not its y axis."""
+    """The file's content; ``up`` is the world's axis that points up, as glTF's y does."""
     made = _Builder()
     position = made.array(material.vertices, "VEC3", ARRAY_BUFFER, bounds=True)
     normal = unit(material.normals)
@@ -54,7 +56,7 @@ def glb_bytes(
     }
     images, specular_scale = coded_textures(fit, padding)
     textures = {key: made.texture(key, pixels) for key, pixels in images.items()}
-    node: dict[str, Any] = {"mesh": 0, "name": name} | ({"rotation": Z_UP} if z_up else {})
+    node: dict[str, Any] = {"mesh": 0, "name": name} | ({"rotation": Z_UP} if up == "z" else {})
     specular = {
         "specularFactor": 1.0,
         "specularTexture": {"index": textures["specular"]},
@@ -91,13 +93,7 @@ def glb_file(path: Path, material: Material, fit: StandardFit, padding: Padding,
         InputError: another file is in the way.
         OutputError: it cannot be written.
     """
-    if path.exists() and not (path.is_file() and written_by_us(path.read_bytes())):
-        raise InputError(
-            "exists and was not written by swatchwork",
-            file=path,
-            expected="a new file, or an older export",
-            hint="Nothing was written: choose another name, or move it away",
-        )
+    check_glb_free(path)
     content = glb_bytes(material, fit, padding, **how)
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
@@ -107,7 +103,31 @@ def glb_file(path: Path, material: Material, fit: StandardFit, padding: Padding,
     except OSError as error:
         raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
     finally:
-        temporary.unlink(missing_ok=True)
+        # An error in tidying up must not hide the one above.
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+
+
+def check_glb_free(path: Path) -> None:
+    """Raise InputError where something else than an older .glb of ours is in the way.
+
+    Raises:
+        InputError: so it is.
+        OutputError: it cannot be read to find out.
+    """
+    try:
+        free = not path.exists() or (path.is_file() and written_by_us(path.read_bytes()))
+    except OSError as error:
+        raise OutputError(
+            f"{path}: cannot be replaced, for whether swatchwork wrote it cannot be read ({error.strerror})"
+        ) from error
+    if not free:
+        raise InputError(
+            "exists and was not written by swatchwork",
+            file=path,
+            expected="a new file, or an older export",
+            hint="Nothing was written: choose another name, or move it away",
+        )
 
 
 def coded_textures(fit: StandardFit, padding: Padding) -> tuple[dict[str, Array], float]:

@@ -8,7 +8,6 @@ square pixels: others are warned of.
 
 from __future__ import annotations
 
-import warnings
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -17,14 +16,13 @@ import numpy as np
 
 from ..arrays import F64
 from ..capture import Camera, write_exr
-from ..errors import CaptureWarning
 from ..material import LUMINANCE, Material
 from ..progress import SILENT, Progress
 from ..reflectance import DIFFUSE_KERNELS, GenericBasis
 from ..relight import output_names
 from ..surface import Mesh, write_mesh_obj
 from .folder import write_json
-from .surroundings import Surroundings, latitude_longitude, with_rows_at_poles
+from .surroundings import Surroundings, latitude_longitude, warn_of_lenses, with_rows_at_poles
 from .textures import Padding, dense_weights
 
 MITSUBA_FROM_OPENGL = np.diag([-1.0, 1.0, -1.0, 1.0])
@@ -66,7 +64,7 @@ def write_mitsuba(
         for name, light in zip(names, frames.light_of_frame, strict=True)
     ]
     write_json(folder / "frames.json", {"frames": listed})
-    _warn_of_lenses(frames.cameras)
+    warn_of_lenses(frames.cameras, square=True)
     scene = _scene(groups, frames.cameras, listed[0], material)
     (folder / "scene.xml").write_text(scene, encoding="utf-8")
     for name in ("swatchwork_bsdf.py", "render.py"):
@@ -178,18 +176,6 @@ def _sensor(camera: Camera, material: Material) -> str:
             <rfilter type="box"/>
         </film>
     </sensor>"""
-
-
-def _warn_of_lenses(cameras: tuple[Camera, ...]) -> None:
-    bent = sum(any((c.k1, c.k2, c.p1, c.p2)) for c in cameras)
-    uneven = sum(abs(c.fx / c.fy - 1) > 1e-4 for c in cameras)
-    if bent or uneven:
-        warnings.warn(
-            f"{bent} of {len(cameras)} cameras have lens distortion and {uneven} have pixels that are not "
-            "square: the exported ones are pinholes of square pixels, and their pictures shift against yours",
-            CaptureWarning,
-            stacklevel=3,
-        )
 
 
 def _homogeneous(rotation: F64) -> F64:

@@ -10,18 +10,27 @@ nothing is mirrored.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from ..arrays import F32, F64
 from ..capture import Camera
+from ..errors import CaptureWarning
 from ..light import Environment, direction_from_uv
 from ..material import Material
 from ..simulate import camera_towards, look_at, procedural_environment
 
 BLENDER_FROM_MITSUBA = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+
+Up = Literal["y", "z"]
+"""World axis that points up."""
+UP: Up = "z"
+"""Where nobody says: as in nerfstudio's and NeRF-Blender's files, and in Blender."""
+Y_UP_FROM_Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,15 +54,19 @@ class Surroundings:
         )
 
     @classmethod
-    def made_up(cls, material: Material) -> Surroundings:
-        """One view of the object under a made-up overcast sky, z up, where nobody says better."""
+    def made_up(cls, material: Material, up: Up = UP) -> Surroundings:
+        """One view of the object under a made-up overcast sky, where nobody says better."""
         low, high = material.vertices.min(axis=0), material.vertices.max(axis=0)
         centre, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
         towards = np.array([0.55, -0.75, 0.45]) / np.linalg.norm([0.55, -0.75, 0.45])
         seen = camera_towards(towards, 512, radius)
-        pose = look_at(centre + towards * np.linalg.norm(seen.position), centre)
+        turn = np.eye(3) if up == "z" else Y_UP_FROM_Z_UP
+        pose = look_at(towards * np.linalg.norm(seen.position))
+        pose[:3] = turn @ pose[:3]
+        pose[:3, 3] += centre
         camera = Camera(512, 512, seen.fx, seen.fy, seen.cx, seen.cy, pose)
-        return cls(("view",), (camera,), (procedural_environment("overcast", 0, 256),), (0,))
+        sky = procedural_environment("overcast", 0, 256).rotated(turn)
+        return cls(("view",), (camera,), (sky,), (0,))
 
 
 def latitude_longitude(light: Environment) -> tuple[Environment, F64]:
@@ -83,3 +96,18 @@ def with_rows_at_poles(light: Environment) -> F32:
     found = np.empty((2 * len(raster) + 1, *raster.shape[1:]), np.float32)
     found[1::2], found[::2] = raster, (above + below) / 2
     return found
+
+
+def warn_of_lenses(cameras: Sequence[Camera], *, square: bool) -> None:
+    """Say which cameras a program's pinholes are not; ``square``: its pixels are squares, too."""
+    bent = sum(any((c.k1, c.k2, c.p1, c.p2)) for c in cameras)
+    uneven = sum(square and abs(c.fx / c.fy - 1) > 1e-4 for c in cameras)
+    found = [f"{bent} of {len(cameras)} cameras have lens distortion"] if bent else []
+    found += [f"{uneven} of {len(cameras)} cameras have pixels that are not square"] if uneven else []
+    if found:
+        warnings.warn(
+            f"{' and '.join(found)}: the exported ones are pinholes{' of square pixels' if square else ''}, "
+            "and their pictures shift against yours",
+            CaptureWarning,
+            stacklevel=4,
+        )

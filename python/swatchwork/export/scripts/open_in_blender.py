@@ -7,7 +7,8 @@
 
 Cycles renders linear EXR, RGB premultiplied by alpha. The material is a diffuse lobe and one GGX lobe of the
 fitted roughness (perceptual, as Blender's: its square is alpha); reflectance rises from the map at normal to
-the map at grazing incidence as Schlick's formula does, by the cosine to the viewer.
+the map at grazing incidence as Schlick's formula does, by the cosine n.o to the viewer. The model that was
+fitted rises by o.h: the loss that export.json states is of that model.
 """
 
 import argparse
@@ -67,7 +68,10 @@ def vector_node(nodes, links, operation, *values):
 
 
 def material():
-    """Diffuse (1 - max F) below a GGX lobe of F = F0 + (F90 - F0)(1 - n.o)^5."""
+    """Diffuse (1 - D) below a GGX lobe of F, each risen to its value at grazing incidence by (1 - n.o)^5.
+
+    D, of the dielectric map's red and green, is what the dielectric's share of the lobe alone takes.
+    """
     found = bpy.data.materials.new("swatchwork")
     found.use_nodes = True
     nodes, links = found.node_tree.nodes, found.node_tree.links
@@ -76,6 +80,7 @@ def material():
     diffuse_map = image(nodes, "diffuse", True)
     normal_map = image(nodes, "normal_reflectance", True)
     grazing_map = image(nodes, "grazing_reflectance", True)
+    dielectric_map = image(nodes, "dielectric", False)
     rough_map = image(nodes, "roughness", False)
 
     # With blend 1/2, "facing" is 1 - |n.o|.
@@ -87,20 +92,18 @@ def material():
         nodes, links, "ADD", normal_map.outputs["Color"], vector_node(nodes, links, "SCALE", span, rise)
     )
     split = nodes.new("ShaderNodeSeparateXYZ")
-    links.new(fresnel, split.inputs[0])
-    most = math_node(
-        nodes,
-        links,
-        "MAXIMUM",
-        math_node(nodes, links, "MAXIMUM", split.outputs[0], split.outputs[1]),
-        split.outputs[2],
+    links.new(dielectric_map.outputs["Color"], split.inputs[0])
+    at_normal, at_grazing = split.outputs[0], split.outputs[1]
+    risen = math_node(
+        nodes, links, "MULTIPLY", math_node(nodes, links, "SUBTRACT", at_grazing, at_normal), rise
     )
+    taken = math_node(nodes, links, "ADD", at_normal, risen)
     beneath = vector_node(
         nodes,
         links,
         "SCALE",
         diffuse_map.outputs["Color"],
-        math_node(nodes, links, "SUBTRACT", 1.0, most),
+        math_node(nodes, links, "SUBTRACT", 1.0, taken),
     )
 
     diffuse = nodes.new("ShaderNodeBsdfDiffuse")
