@@ -270,6 +270,8 @@ def test_photograph_beside_the_material(convex: Page) -> None:
 
 
 def test_maps_and_spheres(concave: Page) -> None:
+    # How coarse a moving picture is follows how long the last one took: held, so that two can be compared.
+    concave.run("swatchwork.stage.moving = { cells: 8, get scale() { return 0.3 }, set scale(given) {} }")
     lit = concave.drawn()
     pictures = [concave.drawn(f"swatchwork.panel.pickMap({k})") for k in (1, 2, 3, 4, 5, 6)]
     assert all(np.abs(picture - lit).max() > 20 for picture in pictures)
@@ -291,6 +293,7 @@ def test_maps_and_spheres(concave: Page) -> None:
     concave.run("swatchwork.panel.pickMap(0)")
     concave.run("swatchwork.panel.pickSphere(null)")
     assert np.abs(concave.drawn() - lit).mean() < 0.5
+    concave.run("swatchwork.stage.moving = { cells: 8, scale: 0.3 }")
     assert concave.said == []
 
 
