@@ -166,6 +166,7 @@ def test_six_pairs_by_keyboard_alone(opened: Page, scene: Scene) -> None:
             opened.keys(*[f"Shift+{name}"] * (abs(left) // 10), *[f"Alt+Shift+{name}"] * (abs(left) % 10))
         before = len([p for p in opened.pairs() if p["x"]])
         opened.keys("Enter")
+        opened.poll(f"swatchwork.pairs.list.filter((p) => p.x).length === {before + 1}")
         opened.until(f"{before + 1} of 4" if before + 1 < 4 else "px rms", "#rms")
         opened.keys("Shift+F6")
     opened.until("All 6 pairs fit", "#pose-note")
