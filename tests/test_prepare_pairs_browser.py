@@ -336,10 +336,18 @@ def test_everything_fits_a_small_screen_and_has_a_name(opened: Page) -> None:
 def test_a_server_that_does_not_answer_is_told_when_saving(browser: Any, scene: Scene) -> None:
     with serving(scene) as server:
         page = browser.new_page()
+        asked: list[str] = []
+        answered: list[str] = []
+        page.on("request", lambda request: asked.append(request.url))
+        page.on("requestfinished", lambda request: answered.append(request.url))
         page.goto(server.url)
         page.wait_for_selector("body[data-ready]", state="attached")
         page.evaluate("(x) => swatchwork.pairs.place('x', x)", scene.rays.centre.tolist())
         page.evaluate("swatchwork.pairs.place('uv', [9, 9])")
+        # What the page asks after a change comes a moment later; an answer that fails says so, too.
+        page.wait_for_timeout(500)
+        while len(answered) < len(asked):
+            page.wait_for_timeout(20)
         page.context.set_offline(True)
         page.click("#save")
         page.locator("#prompt").filter(has_text="Not saved: swatchwork does not answer").wait_for()
