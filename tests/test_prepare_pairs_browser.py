@@ -188,6 +188,25 @@ def five_and_a_slip(scene: Scene) -> dict[str, Any]:
     return document
 
 
+def test_a_point_of_the_photograph_waits_for_the_mesh(opened: Page, scene: Scene) -> None:
+    opened.page.evaluate("""() => {
+      const real = window.fetch;
+      window.fetch = async (...given) => {
+        if (String(given[0]).includes("pick")) await new Promise((done) => setTimeout(done, 400));
+        return real(...given);
+      };
+    }""")
+    mouse, x = opened.page.mouse, scene.seen(UV)
+    mouse.click(*opened.photo(UV[0]))
+    mouse.click(*opened.mesh(x[0]))
+    mouse.click(*opened.photo(UV[1]))
+    opened.poll("swatchwork.pairs.list.length === 2")
+    first, second = opened.pairs()
+    assert first["x"] is not None and second["x"] is None
+    # Half a pixel of the screen, of which a photograph's pixel has 1.6.
+    assert np.abs(np.array([first["uv"], second["uv"]]) - UV[:2]).max() < 0.5
+
+
 @pytest.mark.parametrize("opened", [six], indirect=True)
 def test_existing_pairs_are_gone_on_from(opened: Page, scene: Scene) -> None:
     opened.until("All 6 pairs fit", "#pose-note")

@@ -49,6 +49,9 @@ function tell(text) {
   showPrompt(pairs, poses.answer, state.fewest, colour, trouble);
 }
 
+/** The mesh's last answer to a point placed on it: what is placed on the photograph comes after it. */
+let placing = Promise.resolve();
+
 async function pick(at) {
   const { eye } = mesh.view;
   return (await ask("pick", { origin: eye, direction: mesh.view.ray(at) })).x_in_mesh;
@@ -65,9 +68,10 @@ const common = {
 };
 const photo = new PhotoPane($("photo"), {
   ...common,
-  place: (at) => {
+  place: async (at) => {
     const [u, v] = photo.toImage(at);
     if (u < 0 || v < 0 || u > photo.width || v > photo.height) return tell("That is beside the photograph.");
+    await placing.catch(() => undefined);
     trouble = "";
     return pairs.place("uv", [u, v]);
   },
@@ -78,7 +82,8 @@ const photo = new PhotoPane($("photo"), {
 const mesh = new MeshPane($("mesh"), {
   ...common,
   place: latest(async (current, at) => {
-    const x = await pick(at);
+    placing = pick(at);
+    const x = await placing;
     if (!current()) return;
     if (!x) return tell("That is beside the mesh.");
     trouble = "";
