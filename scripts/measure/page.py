@@ -5,8 +5,8 @@
     python scripts/measure/page.py --figures target/validation --page docs/validation.md
 
 Reads forward_model.json, exactness.json, two_of_four*.json, shadows.json, captures.json, planning.json,
-confidence.json, photographs.json and exports.json, whichever are there. Every verdict is computed from
-them against the bounds below; the page names the command and the commit of each figure.
+confidence.json, silhouettes.json, photographs.json and exports.json, whichever are there. Every verdict
+is computed from them against the bounds below; the page names the command and the commit of each figure.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ import photographs_page
 import planning
 import results
 import shadows
+import silhouettes
 import two_of_four
 
 from swatchwork.surface import sky
@@ -288,6 +289,21 @@ and its BRDF evaluated anew from the specification (scripts/measure/gltf_bsdf.py
 """
 
 
+def silhouettes_section(figures: Figures) -> str:
+    rows = figures["rows"]
+    verdicts = [(f"{r['capture']}: worst angle", r["degrees"], 0.1, "degrees") for r in rows]
+    verdicts += [(f"{r['capture']}: worst place", 100 * r["share"], 0.2, "%") for r in rows]
+    return f"""{source(figures)}
+
+`prepare register` without a clicked pair: each photograph is placed where its alpha is the mesh's silhouette
+and nowhere else. Place: distance of the camera from the true one, over that to the object.
+
+{results.verdicts(verdicts)}
+
+{results.table(silhouettes.HEAD, [silhouettes.cells(r) for r in rows], markdown=True)}
+"""
+
+
 SECTIONS: dict[str, tuple[str, Callable[[Figures], str]]] = {
     "forward_model": ("Forward model", forward_section),
     "exactness": ("Exactness", exactness_section),
@@ -297,6 +313,7 @@ SECTIONS: dict[str, tuple[str, Callable[[Figures], str]]] = {
     "captures": ("Captures of measured materials", captures_section),
     "planning": ("Planned views", planning_section),
     "confidence": ("Expected errors", confidence_section),
+    "silhouettes": ("Poses by silhouettes", silhouettes_section),
     "photographs": (
         "From photographs",
         lambda figures: f"{source(figures)}\n\n{photographs_page.section(figures)}",
