@@ -22,6 +22,7 @@ from swatchwork.analysis import (
     uniform_views,
 )
 from swatchwork.analysis.confidence import HELD_OUT_TEXELS
+from swatchwork.arrays import fibonacci_sphere
 from swatchwork.capture import read_capture
 from swatchwork.cli import main
 from swatchwork.errors import InputError
@@ -36,7 +37,6 @@ from swatchwork.simulate import (
     SyntheticCapture,
     camera_towards,
     dense_weights,
-    fibonacci_sphere,
     procedural_environment,
     random_directions,
     shape,

@@ -9,13 +9,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from swatchwork.arrays import F64
+from swatchwork.arrays import F64, fibonacci_sphere
 from swatchwork.export import Padding, fit_standard
 from swatchwork.export.standard import F0, LEVELS, Standard, coefficients, evaluate, integrals
 from swatchwork.light import Environment
 from swatchwork.material import BasisRecord, Material
 from swatchwork.reflectance import GenericBasis
-from swatchwork.simulate import fibonacci_sphere, ggx_mixture, shape
+from swatchwork.simulate import ggx_mixture, shape
 from swatchwork.surface import build_atlas
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from swatchwork.arrays import fibonacci_sphere
 from swatchwork.capture import read_capture, read_photograph
 from swatchwork.reflectance import GenericBasis, paper
 from swatchwork.response import representative_responses
@@ -19,7 +20,6 @@ from swatchwork.simulate import (
     blend_pattern,
     camera_towards,
     dense_weights,
-    fibonacci_sphere,
     four_materials,
     ggx_basis,
     in_basis,

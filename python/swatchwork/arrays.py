@@ -43,6 +43,14 @@ def norm(v: Float) -> F64:
     return np.sqrt(dot(v, v))
 
 
+def fibonacci_sphere(count: int) -> F64:
+    """Points [count, 3] spread evenly over the unit sphere."""
+    i = np.arange(count) + 0.5
+    z, phi = 1 - 2 * i / count, i * np.pi * (3 - np.sqrt(5))
+    r = np.sqrt(1 - z * z)
+    return np.stack([r * np.cos(phi), r * np.sin(phi), z], axis=-1)
+
+
 DARK = 0.02
 """A texel darker than this share of the typical one (root mean square) counts as that dark in a relative
 error: near-black texels carry noise, not reflectance, and would outvote the rest."""

@@ -114,7 +114,8 @@ def pairs_on_a_sphere(texels: int, k: int, seed: int) -> tuple[Any, Any, Any, An
     """Points [M, 3] that a view sees; of their pairs normals and directions to the viewer [P, 3]; offsets."""
     import numpy as np
 
-    from swatchwork.simulate import fibonacci_sphere, random_directions
+    from swatchwork.arrays import fibonacci_sphere
+    from swatchwork.simulate import random_directions
 
     point = fibonacci_sphere(texels)
     to_viewer = 4 * random_directions(k, seed)[None] - point[:, None]

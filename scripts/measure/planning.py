@@ -25,6 +25,7 @@ import results
 from scipy.spatial import cKDTree
 
 from swatchwork.analysis import Views, conditioning, next_best_views, prior_of, uniform_views
+from swatchwork.arrays import fibonacci_sphere
 from swatchwork.baselines import Measurements, SparseAsPossible
 from swatchwork.light import Environment
 from swatchwork.reflectance import GenericBasis, paper
@@ -33,7 +34,6 @@ from swatchwork.simulate import (
     blend_pattern,
     camera_towards,
     dense_weights,
-    fibonacci_sphere,
     ggx_basis,
     in_ggx,
     many_materials,

@@ -7,11 +7,15 @@ from __future__ import annotations
 import math
 import os
 from enum import StrEnum
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from ..errors import InputError
+
+if TYPE_CHECKING:
+    from ..capture import EnvironmentSource
 
 AsJson = Annotated[
     bool, typer.Option("--json", help="Print one JSON object on standard output, and nothing else there.")
@@ -40,6 +44,31 @@ class BasisName(StrEnum):
 
     paper = "paper"
     extended = "extended"
+
+
+def light_source(
+    environment: Path | None, convention: Convention | None, rotation: str | None = None
+) -> EnvironmentSource | None:
+    """The light probe that --environment, --convention and --environment-rotation say.
+
+    Raises:
+        InputError: only a part of it is said.
+    """
+    from ..capture import EnvironmentSource
+    from ..workflow.relighting import rotation_matrix
+
+    if environment is None:
+        if convention is not None or rotation is not None:
+            option = "--convention" if convention is not None else "--environment-rotation"
+            raise InputError(f"{option} says how --environment is read", expected="--environment FILE too")
+        return None
+    if convention is None:
+        raise InputError(
+            "nothing says how its pixels stand for directions",
+            file=environment,
+            expected="--convention " + " or ".join(Convention),
+        )
+    return EnvironmentSource(environment, convention.value, rotation_matrix(parse_rotation(rotation)))
 
 
 def use_threads(count: int | None) -> None:

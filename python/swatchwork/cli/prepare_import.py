@@ -10,9 +10,8 @@ from typing import Annotated
 
 import typer
 
-from ..errors import InputError
 from .console import session
-from .options import AsJson, Convention, Quiet, Verbose, parse_rotation
+from .options import AsJson, Convention, Quiet, Verbose, light_source
 
 
 class Format(StrEnum):
@@ -80,32 +79,15 @@ def import_(
 
     swatchwork prepare import blender_HDR/teapot_scene001 -o capture --format stanford-orb
     """
-    from ..capture import EnvironmentSource
     from ..prepare.importing import import_capture
-    from ..workflow.relighting import rotation_matrix
 
     with session(as_json=as_json, quiet=quiet, verbose=verbose) as run:
-        light = None
-        if environment is not None:
-            if convention is None:
-                raise InputError(
-                    "nothing says how its pixels stand for directions",
-                    file=environment,
-                    expected="--convention " + " or ".join(Convention),
-                )
-            turn = rotation_matrix(parse_rotation(environment_rotation))
-            light = EnvironmentSource(environment, convention.value, turn)
-        elif convention is not None or environment_rotation is not None:
-            raise InputError(
-                "--convention and --environment-rotation say how --environment is read",
-                expected="--environment FILE too",
-            )
         found = import_capture(
             source,
             output,
             layout=format.value if format is not None else None,
             mesh=mesh,
-            environment=light,
+            environment=light_source(environment, convention, environment_rotation),
             images=images,
             masks=masks,
             split=split,

@@ -10,7 +10,6 @@ from typing import Annotated
 
 import typer
 
-from ..errors import InputError
 from .board_options import (
     DICTIONARY,
     MARKER,
@@ -22,7 +21,7 @@ from .board_options import (
     board_of,
 )
 from .console import session
-from .options import AsJson, Convention, Quiet, Verbose
+from .options import AsJson, Convention, Quiet, Verbose, light_source
 
 
 class Others(StrEnum):
@@ -119,21 +118,9 @@ def register(
     swatchwork prepare register linear --sphere 20 --board 9x6 --square 5 --masks masks --intrinsics lens.json
     -o capture
     """
-    from ..capture import EnvironmentSource
     from ..workflow import register_photographs
 
     with session(as_json=as_json, quiet=quiet, verbose=verbose) as run:
-        light = None
-        if environment is not None:
-            if convention is None:
-                raise InputError(
-                    "nothing says how its pixels stand for directions",
-                    file=environment,
-                    expected="--convention " + " or ".join(Convention),
-                )
-            light = EnvironmentSource(environment, convention.value)
-        elif convention is not None:
-            raise InputError("--convention says how --environment is read", expected="--environment FILE too")
         given = board_of(board, charuco, marker, dictionary, legacy)
         found = register_photographs(
             photographs,
@@ -147,7 +134,7 @@ def register(
             masks=masks,
             others=others.value,
             scan_error=scan_error,
-            environment=light,
+            environment=light_source(environment, convention),
             link=link,
             progress=run.progress,
         )

@@ -71,10 +71,7 @@ class _Products:
 
     @classmethod
     def under(cls, m: Material, lights: list[Environment], seed: int) -> _Products:
-        record = m.basis
-        basis = GenericBasis(
-            record.name, np.array(record.sigmas), record.maskings, record.diffuse, record.fresnel
-        )
+        basis = GenericBasis.of(m.basis)
         vv, vt = np.zeros((len(LEVELS), 3, 4, 4)), np.zeros((len(LEVELS), 3, 4, m.N))
         tt = np.zeros((3, m.N, m.N))
         for number, light in enumerate(lights):

@@ -92,9 +92,7 @@ def kernel_table(material: Material) -> dict[str, Any]:
                 {"diffuse": [list(pair) for pair in DIFFUSE_KERNELS[record.diffuse[j - len(lobes)]]]}
             )
     # Energy halfway between normal and grazing incidence.
-    basis = GenericBasis(
-        record.name, np.array(record.sigmas), record.maskings, record.diffuse, record.fresnel
-    )
+    basis = GenericBasis.of(record)
     energy: F64 = (material.representatives @ LUMINANCE) * basis.albedo(0.5)
     representatives = []
     for n in range(material.N):

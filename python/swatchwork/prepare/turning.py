@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from swatchwork.arrays import F32, F64
+from swatchwork.arrays import F32, F64, fibonacci_sphere
 from swatchwork.errors import InputError
 from swatchwork.light import uv_from_direction
 from swatchwork.light.sampling import bilinear, with_border
@@ -86,7 +86,7 @@ class _Level:
         floor = 0.02 * float(np.average(light, weights=weight + 1e-12))
         channels = [np.log(light + floor), weight, np.zeros_like(weight)]
         self.bordered: F32 = with_border(np.dstack(channels).astype(np.float32), CONVENTION)
-        self.d = _spread(points)
+        self.d = fibonacci_sphere(points)
         self.value, self.worth = self.at(self.d)
 
     def at(self, d: F64) -> tuple[F64, F64]:
@@ -144,11 +144,3 @@ def _lattice(count: int) -> F64:
     r, R = np.sqrt(t), np.sqrt(1 - t)
     q = np.stack([r * np.sin(alpha), r * np.cos(alpha), R * np.sin(beta), R * np.cos(beta)], axis=-1)
     return np.asarray(Rotation.from_quat(q).as_matrix())
-
-
-def _spread(count: int) -> F64:
-    """Directions F64[count, 3] spread evenly over the sphere."""
-    i = np.arange(count) + 0.5
-    z, phi = 1 - 2 * i / count, np.pi * (1 + np.sqrt(5)) * i
-    across = np.sqrt(1 - z * z)
-    return np.stack([across * np.cos(phi), across * np.sin(phi), z], axis=-1)

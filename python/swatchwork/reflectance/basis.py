@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -45,6 +45,21 @@ def _paper_sigmas() -> F64:
     return np.geomspace(0.001, 0.5, 35)
 
 
+class Record(Protocol):
+    """A basis as plain values, named as in `GenericBasis`."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def sigmas(self) -> tuple[float, ...]: ...
+    @property
+    def maskings(self) -> tuple[str, ...]: ...
+    @property
+    def diffuse(self) -> tuple[str, ...]: ...
+    @property
+    def fresnel(self) -> tuple[int, ...]: ...
+
+
 @dataclass(frozen=True, eq=False)
 class GenericBasis:
     """Generic BRDFs of one colour channel, the same for each.
@@ -67,6 +82,11 @@ class GenericBasis:
     maskings: tuple[str, ...] = ("vgroove",)
     diffuse: tuple[str, ...] = ("lambert",)
     fresnel: tuple[int, ...] = (5, 0)
+
+    @classmethod
+    def of(cls, record: Record) -> GenericBasis:
+        """The basis that plain values stand for, such as a material's."""
+        return cls(record.name, np.array(record.sigmas), record.maskings, record.diffuse, record.fresnel)
 
     def __post_init__(self) -> None:
         for masking in self.maskings:

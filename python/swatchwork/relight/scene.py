@@ -65,13 +65,7 @@ class RelitScene:
         return cls(
             mesh=mesh,
             rays=rays,
-            basis=GenericBasis(
-                record.name,
-                np.array(record.sigmas),
-                record.maskings,
-                record.diffuse,
-                record.fresnel,
-            ),
+            basis=GenericBasis.of(record),
             representatives=material.representatives,
             texel_of_pixel=texel_of_pixel,
             index=index,

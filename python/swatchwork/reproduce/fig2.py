@@ -15,11 +15,10 @@ from ..analysis import (
     directional_responses,
     singular_values,
 )
-from ..arrays import F64, Bool, unit
+from ..arrays import F64, Bool, fibonacci_sphere, unit
 from ..light import Environment
 from ..reflectance import GenericBasis, paper
 from ..response import generic_responses
-from ..simulate import fibonacci_sphere
 from .experiment import Claim, Experiment, Figures, Plot, Setting, Table
 
 PROBES = ("stpeters", "grace", "rnl", "uffizi")

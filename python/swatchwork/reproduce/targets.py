@@ -9,7 +9,7 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from ..arrays import F32, F64
+from ..arrays import F32, F64, fibonacci_sphere
 from ..capture import read_image
 from ..reflectance import GenericBasis
 from ..simulate import (
@@ -20,7 +20,6 @@ from ..simulate import (
     Sphere,
     blend_pattern,
     dense_weights,
-    fibonacci_sphere,
     ggx_basis,
     in_basis,
     in_ggx,

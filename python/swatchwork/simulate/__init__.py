@@ -18,7 +18,7 @@ from .materials import (
 )
 from .measured import MeasuredBrdf, material_names, read_merl_binary, read_neural_brdf, read_npf
 from .photographs import Subject, photograph
-from .problem import Pairs, SyntheticProblem, fibonacci_sphere, two_of_four, visible_pairs
+from .problem import Pairs, SyntheticProblem, two_of_four, visible_pairs
 from .quadrature import measured_responses
 from .shapes import SHAPES, shape
 from .spheres import KernelMaterials, MeasuredMaterials, Sphere, SphereCapture, nrms
@@ -41,7 +41,6 @@ __all__ = [
     "blend_pattern",
     "camera_towards",
     "dense_weights",
-    "fibonacci_sphere",
     "four_materials",
     "ggx_basis",
     "ggx_mixture",

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..arrays import F32, F64, I32, I64, U32, Float, unit
+from ..arrays import F32, F64, I32, I64, U32, Float, fibonacci_sphere, unit
 from ..light import Environment
 from ..reflectance import GenericBasis, paper
 from ..response import generic_responses, representative_responses
@@ -153,14 +153,6 @@ def two_of_four(
         novel_pairs=novel_pairs,
         novel_radiance=_radiance(truth_basis, representatives, (index, weight), novel_light, novel_pairs),
     )
-
-
-def fibonacci_sphere(count: int) -> F64:
-    """Points [count, 3] spread evenly over the unit sphere."""
-    i = np.arange(count) + 0.5
-    z, phi = 1 - 2 * i / count, i * np.pi * (3 - np.sqrt(5))
-    r = np.sqrt(1 - z * z)
-    return np.stack([r * np.cos(phi), r * np.sin(phi), z], axis=-1)
 
 
 def visible_pairs(normal: F64, view_directions: F64) -> Pairs:

@@ -130,7 +130,7 @@ def _atlas(blocks: Blocks, scene: RelitScene, on: Bool) -> dict[str, Any]:
         if i < n - 1:
             blocks.add(f"weight.{i}", quantised(weight[:, i]), "delta")
     sky: SkyMasks = scene.sky
-    used, row = used_masks(sky)
+    used, row = mask_bytes(sky)
     blocks.add("sky", used)
     texel = scene.texel_of_pixel[on]
     blocks.add("sky_row", (row[texel] + 1).astype(np.int32), "delta")
@@ -150,7 +150,7 @@ def quantised(weight: F32) -> U16:
     return np.round(np.clip(weight, 0, 1) * 65535).astype(np.uint16)
 
 
-def used_masks(sky: SkyMasks) -> tuple[U8, I32]:
+def mask_bytes(sky: SkyMasks) -> tuple[U8, I32]:
     """The masks as bytes [Q, 512], and each texel's row of them or -1."""
     words: U64 = sky.words
     return np.ascontiguousarray(words.astype("<u8")).view(np.uint8).reshape(len(words), 512), sky.of_texel

@@ -14,12 +14,12 @@ import cv2
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..arrays import F64, U8
+from ..arrays import F64, U8, fibonacci_sphere
 from ..capture import Camera, Capture
 from ..errors import InputError
 from ..light import Environment
 from ..report import heat
-from ..simulate import camera_towards, fibonacci_sphere, look_at, shape
+from ..simulate import camera_towards, look_at, shape
 from ..surface import Mesh, RayScene, SkyMasks, SurfacePoints, read_mesh, sky_of_points, surface_points
 from .relighting import given_environment, occluder_meshes
 

@@ -5,43 +5,33 @@
 from swatchwork.prepare.registering.bundle import Bundle, refine
 from swatchwork.prepare.registering.contours import ImageEdges, contour_terms, depth_contours
 from swatchwork.prepare.registering.first import Clues
-from swatchwork.prepare.registering.growing import Grown, Placed, grow
+from swatchwork.prepare.registering.growing import grow
 from swatchwork.prepare.registering.motion import apart, moved, projected
-from swatchwork.prepare.registering.on_board import BoardPoses, board_poses
-from swatchwork.prepare.registering.onto_mesh import Aligned, align_to_mesh
-from swatchwork.prepare.registering.outlining import Outlined, pose_from_outline, silhouettes_around
+from swatchwork.prepare.registering.on_board import board_poses
+from swatchwork.prepare.registering.onto_mesh import align_to_mesh
+from swatchwork.prepare.registering.outlining import pose_from_outline
 from swatchwork.prepare.registering.pairs import Pairs, read_pairs, write_pairs
-from swatchwork.prepare.registering.placing import PlacedRig, place_mesh
+from swatchwork.prepare.registering.placing import place_mesh
 from swatchwork.prepare.registering.posing import Posed, default_tolerance_px, pose_from_pairs
 from swatchwork.prepare.registering.refining import Refined, iou, refine_by_contours
-from swatchwork.prepare.registering.register import FrameFit, Others, Registered, register
+from swatchwork.prepare.registering.register import Others, Registered, register
 from swatchwork.prepare.registering.rematching import rematched
-from swatchwork.prepare.registering.resection import Resection, resect
-from swatchwork.prepare.registering.sliding import Extra
+from swatchwork.prepare.registering.resection import resect
 from swatchwork.prepare.registering.spheres import sphere_camera, sphere_in_rig
 from swatchwork.prepare.registering.structure import Structure, structure_from_motion
 from swatchwork.prepare.registering.tracks import Features, Tracks, features, find_tracks, matches
 from swatchwork.prepare.registering.view import View
 
 __all__ = [
-    "Aligned",
-    "BoardPoses",
     "Bundle",
     "Clues",
-    "Extra",
     "Features",
-    "FrameFit",
-    "Grown",
     "ImageEdges",
     "Others",
-    "Outlined",
     "Pairs",
-    "Placed",
-    "PlacedRig",
     "Posed",
     "Refined",
     "Registered",
-    "Resection",
     "Structure",
     "Tracks",
     "View",
@@ -67,7 +57,6 @@ __all__ = [
     "register",
     "rematched",
     "resect",
-    "silhouettes_around",
     "sphere_camera",
     "sphere_in_rig",
     "structure_from_motion",

@@ -18,6 +18,7 @@ import numpy as np
 from swatchwork.arrays import F64, I64, Bool
 from swatchwork.capture import Camera
 from swatchwork.prepare.registering.least import least_squares, misses_px, root_mean_square
+from swatchwork.prepare.registering.motion import turned_degrees
 
 TRIPLES = 1500
 """Tried at most: all of 21 pairs. Of more pairs a seeded choice, where half outliers leave 1 in 8 sound."""
@@ -65,7 +66,7 @@ def agreements(lens: Camera, uv_px: F64, x_in_world: F64, tolerance_px: float) -
     for start in _starts(lens, poses, uv_px, x_in_world, tolerance_px):
         agreed = _refined(start, uv_px, x_in_world, tolerance_px)
         cost = _capped(agreed.residual_px, tolerance_px)
-        same = [_apart_degrees(agreed.camera, other.camera) <= APART_DEGREES for _, other in found]
+        same = [turned_degrees(agreed.camera, other.camera) <= APART_DEGREES for _, other in found]
         if not any(same):
             found.append((cost, agreed))
         elif cost < found[same.index(True)][0]:
@@ -85,7 +86,7 @@ def _starts(
     starts: list[Camera] = []
     for i in order[:LOOKED_AT]:
         start = _camera(lens, rotation[i], position[i])
-        alike = sum(_apart_degrees(start, other) <= APART_DEGREES for other in starts)
+        alike = sum(turned_degrees(start, other) <= APART_DEGREES for other in starts)
         if alike < ALIKE:
             starts.append(start)
         if len(starts) == REFINED:
@@ -163,8 +164,3 @@ def _camera(lens: Camera, rotation: F64, position: F64) -> Camera:
 
 def _capped(residual_px: F64, tolerance_px: float) -> float:
     return float((np.minimum(residual_px, tolerance_px) ** 2).sum())
-
-
-def _apart_degrees(a: Camera, b: Camera) -> float:
-    turn = a.world_from_camera[:3, :3].T @ b.world_from_camera[:3, :3]
-    return float(np.degrees(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1))))

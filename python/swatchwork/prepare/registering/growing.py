@@ -19,6 +19,7 @@ from swatchwork.arrays import F64, I64
 from swatchwork.capture import Camera
 from swatchwork.errors import InputError
 from swatchwork.prepare.registering.bundle import refine
+from swatchwork.prepare.registering.least import misses_px
 from swatchwork.prepare.registering.lifting import finite
 from swatchwork.prepare.registering.motion import apart
 from swatchwork.prepare.registering.rematching import loose_points
@@ -146,7 +147,7 @@ def _counted(
     frame = tracks.names.index(name) if name in tracks.names else -1
     rows = np.flatnonzero((tracks.frame == frame) & finite(points)[tracks.track])
     rows = rows[size[tracks.track[rows]] > 1]
-    error_px = _apart(camera, points[tracks.track[rows]], tracks.uv_px[rows])
+    error_px = misses_px(camera, tracks.uv_px[rows], points[tracks.track[rows]])
     good = error_px[error_px < INLIER_PX * coarseness(camera)]
     rms_px = float(np.sqrt((good**2).mean())) if len(good) else float("nan")
     if given is None:
@@ -178,19 +179,12 @@ def surface_points_of(scene: RayScene, cameras: Mapping[str, Camera], tracks: Tr
     x, _, sure = first_points(scene, of, seen, GRACE_PX)
     near = np.zeros(len(seen), dtype=bool)
     for f, rows in enumerate(seen.rows):
-        near[rows] = _apart(of[f], x[seen.track[rows]], seen.uv_px[rows]) < GRACE_PX * coarseness(of[f])
+        near[rows] = misses_px(of[f], seen.uv_px[rows], x[seen.track[rows]]) < GRACE_PX * coarseness(of[f])
     size = np.bincount(seen.track, minlength=len(x))
     sure &= 2 * np.bincount(seen.track[near], minlength=len(x)) > size
     points = np.full((tracks.count, 3), np.nan)
     points[seen.track_number[sure]] = x[sure]
     return points
-
-
-def _apart(camera: Camera, x: F64, uv_px: F64) -> F64:
-    """Distances F64[P] in pixels of points from where they are seen; infinite for what cannot be seen."""
-    known = finite(x)
-    off = np.hypot(*(camera.project(np.where(known[:, None], x, 0.0))[0] - uv_px).T)
-    return np.where(known & np.isfinite(off), off, np.inf)
 
 
 def _next(

@@ -49,9 +49,13 @@ def projected(camera: Camera, x_in_world: F64) -> tuple[F64, F64, F64]:
     return uv_px, by_step, by_camera @ rotation.T
 
 
+def turned_degrees(a: Camera, b: Camera) -> float:
+    """Angle between the axes of two cameras."""
+    turn = a.world_from_camera[:3, :3].T @ b.world_from_camera[:3, :3]
+    return float(np.degrees(Rotation.from_matrix(turn).magnitude()))
+
+
 def apart(a: Camera, b: Camera, about: F64) -> tuple[float, float]:
     """Angle between two poses in degrees, and the distance of their positions over a's from ``about``."""
-    turn = a.world_from_camera[:3, :3].T @ b.world_from_camera[:3, :3]
-    angle = float(np.degrees(Rotation.from_matrix(turn).magnitude()))
     away = float(np.linalg.norm(a.position - b.position) / np.linalg.norm(a.position - about))
-    return angle, away
+    return turned_degrees(a, b), away

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from swatchwork.arrays import F64, Bool, unit
+from swatchwork.arrays import F64, Bool, fibonacci_sphere, unit
 from swatchwork.capture import Camera
 from swatchwork.prepare.registering.contours import BORDER_PX, without_specks
 from swatchwork.prepare.registering.motion import apart
@@ -89,7 +89,7 @@ def silhouettes_around(scene: RayScene, distance: float, directions: int = DIREC
     plane = np.stack(np.meshgrid(line, -line), axis=-1).reshape(-1, 2)
     ahead = np.column_stack([plane, -np.ones(len(plane))])
     turns, spectra, towards, sizes, owns = [], [], [], [], []
-    for out in _all_around(directions):
+    for out in fibonacci_sphere(directions):
         turn = _facing(out)
         origin = np.broadcast_to(scene.centre + distance * out, ahead.shape)
         hit = scene.first_hit(origin, ahead @ turn.T).mesh == 0
@@ -174,14 +174,6 @@ def _without_distortion(view: View) -> View:
     mask = cv2.remap(region.astype(np.float32), u, v, cv2.INTER_LINEAR)
     gray = cv2.remap(view.gray, u, v, cv2.INTER_LINEAR)
     return View(view.file, lens, np.asarray(gray, dtype=np.uint8), np.asarray(mask > 0.5))
-
-
-def _all_around(count: int) -> F64:
-    """Unit vectors F64[count, 3], evenly spread along a spiral."""
-    z = 1 - (2 * np.arange(count) + 1) / count
-    angle = np.arange(count) * np.pi * (3 - np.sqrt(5))
-    r = np.sqrt(1 - z**2)
-    return np.column_stack([r * np.cos(angle), r * np.sin(angle), z])
 
 
 def _facing(toward: F64) -> F64:

@@ -117,7 +117,7 @@ def register(
     first = first_poses(scene, views, clues, outlines, progress)
     start, placed_by = first.cameras, dict(first.placed_by)
     held = (clicked(first.pairs), clicked(first.corners, CORNER_PX))
-    tracks = _no_tracks() if others == "none" else find_tracks(views, progress=progress)
+    tracks = joined((), [], []) if others == "none" else find_tracks(views, progress=progress)
     if others == "colmap":
         start |= _by_structure(scene, views, start)
         placed_by |= {name: "structure from motion" for name in start if name not in placed_by}
@@ -155,10 +155,6 @@ def _shared(tracks: Tracks, grown: Grown) -> list[tuple[int, str]]:
     """How many sightings each placed photograph shares with another, and its name."""
     count = np.bincount(tracks.frame, minlength=len(tracks.names))
     return [(int(count[i]), name) for i, name in enumerate(tracks.names) if name in grown.cameras]
-
-
-def _no_tracks() -> Tracks:
-    return joined((), [], [])
 
 
 def _by_structure(scene: RayScene, views: Sequence[View], start: Mapping[str, Camera]) -> dict[str, Camera]:
