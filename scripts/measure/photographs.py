@@ -359,8 +359,6 @@ def main() -> None:
     parser.add_argument("--picture", type=Path, help="write a contact sheet here (JPEG)")
     parser.add_argument("--json", type=Path)
     args = parser.parse_args()
-    if not args.true_poses and not steps.can_register():
-        raise SystemExit("there is no `swatchwork prepare register` yet: give --true-poses")
     start = time.perf_counter()
     studio = Studio(args.data, args.work, args.light, args.novel)
     print(f"renders: {time.perf_counter() - start:.0f} s", flush=True)

@@ -74,22 +74,12 @@ def probed(
     return run(*words, "--intrinsics", intrinsics)
 
 
-def can_register() -> bool:
-    """Whether the command is there."""
-    asked = subprocess.run([TOOL, "prepare", "register", "--help"], capture_output=True, check=False)
-    return asked.returncode == 0
-
-
 def registered(
     photographs: Sequence[Path], mesh: Path, intrinsics: Path, pairs: Path, masks: Path, output: Path
 ) -> list[Camera]:
-    """The cameras of photographs, in their order, from clicks in the first one.
-
-    Raises:
-        SystemExit: the command is not there yet.
-    """
-    if not can_register():
-        raise SystemExit("there is no `swatchwork prepare register` yet: give --true-poses")
+    """The cameras of photographs, in their order, from clicks in the first one."""
+    # The command writes to a new folder only; this one may be an earlier measurement's.
+    shutil.rmtree(output, ignore_errors=True)
     words: list[str | Path] = ["prepare", "register", *photographs, "--mesh", mesh]
     words += ["--intrinsics", intrinsics, "--pairs", pairs, "--masks", masks, "-o", output]
     run(*words)
