@@ -11,7 +11,17 @@ from typing import Annotated
 import typer
 
 from .console import session
-from .options import AsJson, Convention, Quiet, Threads, Verbose, parse_rotation, use_threads
+from .options import (
+    AsJson,
+    OtherConvention,
+    OtherLight,
+    Quiet,
+    Threads,
+    Turn,
+    Verbose,
+    parse_rotation,
+    use_threads,
+)
 
 
 class Format(StrEnum):
@@ -46,17 +56,9 @@ def export(
             show_default="a made-up view and sky",
         ),
     ] = None,
-    environment: Annotated[
-        Path | None, typer.Option(help="HDR light-probe image to use instead of the one in --cameras.")
-    ] = None,
-    convention: Annotated[
-        Convention | None,
-        typer.Option(help="How that image's pixels stand for directions; required with --environment."),
-    ] = None,
-    environment_rotation: Annotated[
-        str | None,
-        typer.Option(metavar="AXIS:DEGREES", help="Turn the light about a world axis, such as z:90."),
-    ] = None,
+    environment: OtherLight = None,
+    convention: OtherConvention = None,
+    environment_rotation: Turn = None,
     up: Annotated[
         Axis | None,
         typer.Option(

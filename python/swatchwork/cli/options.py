@@ -39,6 +39,23 @@ class Convention(StrEnum):
     debevec_angular = "debevec-angular"
 
 
+ItsConvention = Annotated[
+    Convention | None,
+    typer.Option(help="How its pixels stand for directions; required with --environment."),
+]
+OtherLight = Annotated[
+    Path | None, typer.Option(help="HDR light-probe image to use instead of the one in --cameras.")
+]
+OtherConvention = Annotated[
+    Convention | None,
+    typer.Option(help="How that image's pixels stand for directions; required with --environment."),
+]
+Turn = Annotated[
+    str | None, typer.Option(metavar="AXIS:DEGREES", help="Turn the light about a world axis, such as z:90.")
+]
+Link = Annotated[bool, typer.Option("--link", help="Hard links to the photographs, not copies.")]
+
+
 class BasisName(StrEnum):
     """The generic bases."""
 

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from .console import session
-from .options import AsJson, BasisName, Convention, Quiet, Seed, Threads, Verbose, use_threads
+from .options import AsJson, BasisName, ItsConvention, Quiet, Seed, Threads, Verbose, use_threads
 
 
 class Optimal(StrEnum):
@@ -33,10 +33,7 @@ def plan(
     environment: Annotated[
         Path | None, typer.Option(help="HDR light probe.", show_default="that of --have")
     ] = None,
-    convention: Annotated[
-        Convention | None,
-        typer.Option(help="How its pixels stand for directions; required with --environment."),
-    ] = None,
+    convention: ItsConvention = None,
     views: Annotated[
         int | None, typer.Option(metavar="COUNT", help="How many (more) photographs to suggest.")
     ] = None,

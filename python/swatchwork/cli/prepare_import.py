@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from .console import session
-from .options import AsJson, Convention, Quiet, Verbose, light_source
+from .options import AsJson, ItsConvention, Link, Quiet, Verbose, light_source
 
 
 class Format(StrEnum):
@@ -38,10 +38,7 @@ def import_(
     environment: Annotated[
         Path | None, typer.Option(help="HDR light probe.", show_default="the source's own")
     ] = None,
-    convention: Annotated[
-        Convention | None,
-        typer.Option(help="How its pixels stand for directions; required with --environment."),
-    ] = None,
+    convention: ItsConvention = None,
     environment_rotation: Annotated[
         str | None,
         typer.Option(metavar="AXIS:DEGREES", help="Turn the probe about a world axis, right-handed."),
@@ -63,7 +60,7 @@ def import_(
             show_default="train of nerf-blender, test of stanford-orb, inputs of objects-with-lighting",
         ),
     ] = None,
-    link: Annotated[bool, typer.Option("--link", help="Hard links to the photographs, not copies.")] = False,
+    link: Link = False,
     as_json: AsJson = False,
     verbose: Verbose = False,
     quiet: Quiet = False,

@@ -21,7 +21,7 @@ from .board_options import (
     board_of,
 )
 from .console import session
-from .options import AsJson, Convention, Quiet, Verbose, light_source
+from .options import AsJson, ItsConvention, Link, Quiet, Verbose, light_source
 
 
 class Others(StrEnum):
@@ -88,11 +88,8 @@ def register(
             show_default="added later by `prepare probe --capture`",
         ),
     ] = None,
-    convention: Annotated[
-        Convention | None,
-        typer.Option(help="How its pixels stand for directions; required with --environment."),
-    ] = None,
-    link: Annotated[bool, typer.Option("--link", help="Hard links to the photographs, not copies.")] = False,
+    convention: ItsConvention = None,
+    link: Link = False,
     as_json: AsJson = False,
     verbose: Verbose = False,
     quiet: Quiet = False,

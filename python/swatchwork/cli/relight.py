@@ -12,7 +12,17 @@ import typer
 
 from ..errors import InputError
 from .console import session
-from .options import AsJson, Convention, Quiet, Threads, Verbose, parse_rotation, use_threads
+from .options import (
+    AsJson,
+    OtherConvention,
+    OtherLight,
+    Quiet,
+    Threads,
+    Turn,
+    Verbose,
+    parse_rotation,
+    use_threads,
+)
 
 
 class Moving(StrEnum):
@@ -30,17 +40,9 @@ def relight(
         Path | None,
         typer.Option(help="transforms.json with the cameras, and the light unless --environment is given."),
     ] = None,
-    environment: Annotated[
-        Path | None, typer.Option(help="HDR light-probe image to use instead of the one in --cameras.")
-    ] = None,
-    convention: Annotated[
-        Convention | None,
-        typer.Option(help="How that image's pixels stand for directions; required with --environment."),
-    ] = None,
-    environment_rotation: Annotated[
-        str | None,
-        typer.Option(metavar="AXIS:DEGREES", help="Turn the light about a world axis, such as z:90."),
-    ] = None,
+    environment: OtherLight = None,
+    convention: OtherConvention = None,
+    environment_rotation: Turn = None,
     turntable: Annotated[
         int,
         typer.Option(
