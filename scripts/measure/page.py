@@ -292,7 +292,7 @@ and its BRDF evaluated anew from the specification (scripts/measure/gltf_bsdf.py
 def silhouettes_section(figures: Figures) -> str:
     rows = figures["rows"]
     verdicts = [(f"{r['capture']}: worst angle", r["degrees"], 0.1, "degrees") for r in rows]
-    verdicts += [(f"{r['capture']}: worst place", 100 * r["share"], 0.2, "%") for r in rows]
+    verdicts += [(f"{r['capture']}: worst place", r["share"], 0.002, "%") for r in rows]
     return f"""{source(figures)}
 
 `prepare register` without a clicked pair: each photograph is placed where its alpha is the mesh's silhouette
