@@ -80,6 +80,7 @@ def _full(text: str = "plain") -> Report:
         novel=(compared,),
         novel_light=text,
         views=(compared,),
+        relit=(_picture(text),),
         spheres=(_picture(text), _picture(text)),
         blend_map=_picture(text),
         maps=(_picture(text),),

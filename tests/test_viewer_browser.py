@@ -10,77 +10,38 @@ others change them by a few tenths of a per cent.
 from __future__ import annotations
 
 import base64
-import shutil
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import cv2
+import headless
 import numpy as np
 import pytest
 
 import viewing
 from swatchwork.arrays import F32
-from swatchwork.capture import Camera
 from swatchwork.evaluate import nrms
 from swatchwork.reflectance import extended, paper
 from swatchwork.relight import RelitScene, render
 from swatchwork.simulate import procedural_environment, random_directions
 from swatchwork.viewer import Light, Shot, TexelMap, ViewerScene, write_viewer
 
-sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-if CHROMIUM is None:
+pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+if headless.CHROMIUM is None:
     pytest.skip("no Chromium on this machine", allow_module_level=True)
 
-SOFTWARE = [
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--ignore-gpu-blocklist",
-    "--no-sandbox",
-]
 WINDOWS = ((69, 72), (134, 62), (65, 14))
-STILL = """([camera, passes]) => {
-  const bytes = new Uint8Array(swatchwork.still(camera, passes).buffer);
-  let text = "";
-  for (let k = 0; k < bytes.length; k += 32768) text += String.fromCharCode(...bytes.subarray(k, k + 32768));
-  return btoa(text);
-}"""
 
 
-def of_page(camera: Camera) -> dict[str, Any]:
-    names = ("width", "height", "fx", "fy", "cx", "cy")
-    return {name: getattr(camera, name) for name in names} | {"pose": camera.world_from_camera.tolist()}
-
-
-class Page:
-    """A page that was loaded, what it said and asked for, and the scene that is on it."""
+class Page(headless.Shown):
+    """A page, and the scene that is on it."""
 
     def __init__(self, browser: Any, file: Path, viewer: ViewerScene) -> None:
         self.viewer = viewer
-        self.said: list[str] = []
-        self.asked: list[str] = []
-        self.page = browser.new_page(viewport={"width": 460, "height": 300}, color_scheme="dark")
-        self.page.on("console", lambda message: self.said.append(message.text))
-        self.page.on("pageerror", lambda error: self.said.append(str(error)))
-        self.page.on("request", lambda request: self.asked.append(request.url))
         write_viewer(file, viewer)
-        self.page.goto(file.as_uri())
-        self.run("swatchworkReady")
-        self.until("swatchwork.stage.stats.firstPicture !== null")
-        self.run("swatchwork.stage.paused = true")
-
-    def run(self, script: str, argument: Any = None) -> Any:
-        return self.page.evaluate(script, argument)
-
-    def until(self, script: str) -> None:
-        # The page's policy forbids what playwright's own wait does.
-        end = time.monotonic() + 30
-        while not self.run(script):
-            assert time.monotonic() < end, f"{script}: {self.said}"
-            time.sleep(0.05)
+        super().__init__(browser, file)
 
     def drawn(self, script: str = "0") -> F32:
         """What the canvas shows after a script, drawn while moving."""
@@ -94,17 +55,11 @@ class Page:
         assert found is not None
         return found.astype(np.float32)
 
-    def still(self, camera: Camera, passes: int) -> F32:
-        text = self.run(STILL, [of_page(camera), passes])
-        return np.frombuffer(base64.b64decode(text), np.float32).reshape(camera.height, camera.width, 4)
-
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
-    with sync_api.sync_playwright() as playwright:
-        found = playwright.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE)
+    with headless.browser() as found:
         yield found
-        found.close()
 
 
 def viewer_of(scene: RelitScene) -> ViewerScene:

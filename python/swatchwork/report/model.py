@@ -72,6 +72,8 @@ class Report:
     views: tuple[Comparison, ...] = ()
     error_scale: float = 0.3
     """Error that the top colour of the heat maps stands for, as a fraction of the reference's RMS."""
+    relit: tuple[Picture, ...] = ()
+    """The material under lights that are not the capture's."""
     spheres: tuple[Picture, ...] = ()
     blend_map: Picture | None = None
     maps: tuple[Picture, ...] = ()

@@ -80,6 +80,7 @@ def _sections(r: Report) -> Html:
     return join(
         _novel(r),
         _views(r),
+        _relit(r),
         _materials(r),
         _blend(r),
         _maps(r),
@@ -87,7 +88,7 @@ def _sections(r: Report) -> Html:
         _costs(r),
         _inputs(r),
         _next(r),
-        _cite(),
+        _cite(r),
     )
 
 
@@ -139,6 +140,13 @@ def _views(r: Report) -> Html | None:
         return None
     intro = "Each photograph, the material rendered from its camera under its light, and the difference."
     return section("The photographs, explained", intro, [_comparison(c) for c in r.views], _heat_key(r))
+
+
+def _relit(r: Report) -> Html | None:
+    if not r.relit:
+        return None
+    intro = "The material under lights that have nothing to do with the capture's, each at its own exposure."
+    return section("Under other lights", intro, el("div", [figure(p) for p in r.relit], cls="hero"))
 
 
 def _materials(r: Report) -> Html | None:
@@ -224,8 +232,9 @@ def _next(r: Report) -> Html | None:
     return section("Where to go from here", "", steps)
 
 
-def _cite() -> Html:
-    return section("How to cite", "", el("p", "The method is from: ", PAPER))
+def _cite(r: Report) -> Html:
+    software = f"Swatchwork contributors. Swatchwork {r.version}".strip() + ". Software, MIT license."
+    return section("How to cite", "", el("p", "The method: ", PAPER), el("p", "The software: ", software))
 
 
 def _number(count: int) -> str:

@@ -10,14 +10,16 @@ from importlib.metadata import version
 from typing import Any
 
 from .. import report as page
-from ..capture import Capture, Frame, read_photograph
+from ..capture import Camera, Capture, Frame, read_photograph
 from ..light import Environment
 from ..material import Material
 from ..reconstruct import Reconstruction
 from ..relight import RelitScene, render
+from ..simulate import procedural_environment
 from .costs import StageCost
 from .pictures import (
     ERROR_SCALE,
+    alone,
     at_page_size,
     blend_picture,
     compare_pictures,
@@ -29,6 +31,9 @@ from .pictures import (
 )
 
 SHOWN_VIEWS = 3
+RELIT_VIEWS = 2
+MADE_UP = (("a made-up room", "room"), ("a made-up sky", "sky"))
+"""Lights that every material is shown under, beside its capture's."""
 
 
 def reconstruction_report(
@@ -42,7 +47,7 @@ def reconstruction_report(
     """Everything the page of one reconstruction shows."""
     chosen = [capture.frames[i] for i in spread(len(capture.frames), SHOWN_VIEWS)]
     scene = relit(found)
-    views, exposures = [], []
+    views, exposures, cameras = [], [], []
     for frame in chosen:
         photograph, camera = at_page_size(read_photograph(frame), frame.camera, found.mesh)
         light = environment_of(found, capture, frame)
@@ -52,6 +57,7 @@ def reconstruction_report(
         )
         views.append(comparison)
         exposures.append(exposure)
+        cameras.append(camera)
     unseen = summary["unseen"] / summary["texels"]
     first = views[0]
     photographs = _count(len(capture.frames), "photograph")
@@ -67,6 +73,7 @@ def reconstruction_report(
         warnings=tuple(warnings),
         views=tuple(views),
         error_scale=ERROR_SCALE,
+        relit=under_other_lights(scene, cameras[:RELIT_VIEWS]),
         spheres=spheres(
             found.basis, material, chosen[0].camera, environment_of(found, capture, chosen[0]), exposures[0]
         ),
@@ -94,6 +101,16 @@ def reconstruction_report(
         costs=tuple(page.StageCost(c.name, c.seconds, c.peak_mb) for c in costs),
         next_steps=next_steps(capture),
         version=version("swatchwork"),
+    )
+
+
+def under_other_lights(scene: RelitScene, cameras: Sequence[Camera]) -> tuple[page.Picture, ...]:
+    """The material from each camera under each of the made-up lights."""
+    lights = [(name, procedural_environment(kind, 0, height=64)) for name, kind in MADE_UP]
+    return tuple(
+        alone(f"under {name}", render(scene, camera, light, samples=1))
+        for name, light in lights
+        for camera in cameras
     )
 
 

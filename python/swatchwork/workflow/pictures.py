@@ -64,6 +64,14 @@ def compare_pictures(
     return comparison, exposure
 
 
+def alone(caption: str, rendered: F32) -> page.Picture:
+    """A picture [H, W, 4], linear and premultiplied, at its own exposure, cropped to the object."""
+    colour, alpha = rendered[..., :3], rendered[..., 3]
+    rows, columns = page.crop_box(alpha)
+    pixels = page.display(colour, alpha, page.exposure_for(colour, alpha))
+    return page.Picture(caption, page.shrink(pixels[rows, columns], PICTURE_PX))
+
+
 def at_page_size(photograph: Photograph, camera: Camera, mesh: Mesh) -> tuple[Photograph, Camera]:
     """A photograph and its camera, area-averaged until the object is no wider than the page shows it."""
     uv, depth = camera.project(mesh.vertices)

@@ -25,14 +25,12 @@ from ..progress import SILENT, Progress
 from ..relight import RelitScene
 from ..simulate import procedural_environment
 from ..viewer import Light, Shot, TexelMap, ViewerScene, shot_of
-from .pages import spread
+from .pages import MADE_UP, spread
 from .pictures import WORST
 from .relighting import given_environment, occluder_meshes
 
 VIEWER = "viewer.html"
 SHOWN_SHOTS = 24
-MADE_UP = (("a made-up room", "room"), ("a made-up sky", "sky"))
-"""Lights that every page has beside its own."""
 RESIDUAL = 0.3
 """Relative residual that the top colour of its map stands for."""
 

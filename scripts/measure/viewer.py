@@ -1,0 +1,193 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""The viewer's page in headless Chromium: its still canvas beside `relight`, its size, its first picture.
+
+    python scripts/measure/viewer.py --captures ../shared/captures --json target/validation/viewer.json
+
+Pages are those of `swatchwork view` for materials that are reconstructed here. *worst*, *mean*: NRMS (A > 0.5)
+of the whole still canvas against `relight`, from three test cameras, under two of the page's lights; *sampling*:
+of `relight` against itself with 8 x 8 shadings a pixel, the worst. *first picture*: seconds from opening the
+file, median of five loads in a window of 1280 x 800. Chromium draws by software (SwiftShader).
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import tempfile
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import headless
+import numpy as np
+import results
+
+from swatchwork import ReconstructOptions, reconstruct_folder
+from swatchwork.arrays import F32
+from swatchwork.capture import Camera, EnvironmentSource, read_capture
+from swatchwork.evaluate import nrms
+from swatchwork.light import Environment, read_environment
+from swatchwork.material import read_material
+from swatchwork.relight import RelitScene, render
+from swatchwork.simulate import simulate_capture
+from swatchwork.solve import SolveOptions
+from swatchwork.workflow import view_folder
+
+LOADS, PASSES, FINE = 5, 64, 8
+QUICK = {"texels": 400, "solve": SolveOptions(n=2, N=4)}
+"""How well the material was found does not matter here."""
+CANVAS_HEAD = ["page", "canvas", "worst", "mean", "sampling"]
+PAGE_HEAD = ["page", "triangles", "atlas", "photographs", "size", "first picture"]
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A material's page, and the capture that it is of."""
+
+    name: str
+    capture: Path
+    material: Path
+    page: Path
+
+
+def subject(name: str, capture: Path, work: Path, resolution: int | None = None) -> Subject:
+    """Reconstruct, and write the page with the capture's photographs and its test light."""
+    material, page = work / f"{name}-material", work / f"{name}.html"
+    if not page.is_file():
+        reconstruct_folder(
+            capture, material, ReconstructOptions(resolution=resolution, **QUICK), viewer=False
+        )
+        source = _test_light(capture)
+        view_folder(material, page, capture=capture, lights=[source.file], convention=source.convention)
+    return Subject(name, capture, material, page)
+
+
+def _test_light(capture: Path) -> EnvironmentSource:
+    found = read_capture(capture / "test", require_images=False).environment
+    assert found is not None
+    return found
+
+
+def lights_of(capture: Path) -> Iterable[tuple[str, Environment]]:
+    """The capture's own light and the one added, as the page lists them first."""
+    own = read_capture(capture).environment
+    assert own is not None
+    return (("its own", read_environment(own)), ("another", read_environment(_test_light(capture))))
+
+
+def scaled(camera: Camera, size: int) -> Camera:
+    """The camera with so many pixels along its longer side, and no distortion."""
+    s = size / max(camera.width, camera.height)
+    width, height = round(camera.width * s), round(camera.height * s)
+    lens = {name: getattr(camera, name) * s for name in ("fx", "fy", "cx", "cy")}
+    return replace(camera, width=width, height=height, k1=0.0, k2=0.0, p1=0.0, p2=0.0, **lens)
+
+
+def canvas(browser: Any, of: Subject, size: int) -> dict[str, Any]:
+    """Whole canvases against relight, and relight against itself with more samples."""
+    shown = headless.Shown(browser, of.page)
+    scene = RelitScene.of(read_material(of.material))
+    frames = read_capture(of.capture / "test").frames[:3]
+    off, sampling, rows = [], [], []
+    for number, (light, environment) in enumerate(lights_of(of.capture)):
+        shown.run(f"swatchwork.setLight({number})")
+        for frame in frames:
+            camera, start = scaled(frame.camera, size), time.perf_counter()
+            picture = shown.still(camera, PASSES)
+            seconds = time.perf_counter() - start
+            reference = render(scene, camera, environment)
+            off.append(_off(picture, reference))
+            sampling.append(_off(reference, render(scene, camera, environment, FINE)))
+            rows.append({"light": light, "frame": frame.name, "nrms": off[-1], "seconds": seconds})
+            print(of.name, rows[-1], f"sampling {sampling[-1]:.4f}", flush=True)
+    assert shown.said == [] and len(shown.asked) == 1, (shown.said, shown.asked)
+    shown.page.close()
+    return {
+        "name": of.name,
+        "size": size,
+        "worst": max(off),
+        "mean": float(np.mean(off)),
+        "sampling": max(sampling),
+        "pictures": rows,
+    }
+
+
+def _off(picture: F32, reference: F32) -> float:
+    return nrms(picture[..., :3], reference[..., :3], reference[..., 3] > 0.5)
+
+
+def page(browser: Any, of: Subject, pictures: Path | None) -> dict[str, Any]:
+    """Size and first picture."""
+    seconds = []
+    for load in range(LOADS):
+        shown = headless.Shown(browser, of.page, 1280, 800)
+        seconds.append(shown.first_picture_s)
+        if load == 0 and pictures is not None:
+            shown.page.screenshot(path=pictures / f"{of.name}.png")
+        shown.page.close()
+    material, capture = read_material(of.material), read_capture(of.capture)
+    return {
+        "name": of.name,
+        "triangles": len(material.faces),
+        "atlas": material.coverage.shape[0],
+        "photographs": len(capture.frames),
+        "megabytes": of.page.stat().st_size / 1e6,
+        "first_picture_s": float(np.median(seconds)),
+        "loads_s": seconds,
+        "load_average": os.getloadavg()[0],
+    }
+
+
+def canvas_cells(r: dict[str, Any]) -> list[str]:
+    return [r["name"], f"{r['size']} px", *(f"{100 * r[key]:.2f} %" for key in ("worst", "mean", "sampling"))]
+
+
+def page_cells(r: dict[str, Any]) -> list[str]:
+    return [
+        r["name"],
+        f"{r['triangles']:,}",
+        str(r["atlas"]),
+        str(r["photographs"]),
+        f"{r['megabytes']:.1f} MB",
+        f"{r['first_picture_s']:.1f} s",
+    ]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--captures", type=Path, required=True, help="folder with igea-merl/")
+    parser.add_argument("--size", type=int, default=160, help="pixels along the compared canvases")
+    parser.add_argument("--work", type=Path, help="keep captures, materials and pages here")
+    parser.add_argument("--pictures", type=Path, help="write a screenshot of each page here")
+    parser.add_argument("--json", type=Path, help="write the figures here")
+    args = parser.parse_args()
+    with tempfile.TemporaryDirectory() as temporary, headless.browser() as browser:
+        work = args.work or Path(temporary)
+        subjects = []
+        for name, shape, resolution in (
+            ("sphere", "sphere", 192),
+            ("knot", "knot", 256),
+            ("large", "knot", 1024),
+        ):
+            folder = work / name
+            if not folder.is_dir():
+                simulate_capture(folder, object_shape=shape, rows=96, k=12, test_views=3, size=256)
+            subjects.append(subject(name, folder, work, resolution))
+        subjects.append(subject("igea-merl", args.captures / "igea-merl", work))
+        pages = [page(browser, of, args.pictures) for of in subjects]
+        print(results.table(PAGE_HEAD, [page_cells(r) for r in pages]))
+        found: dict[str, Any] = {"pages": pages, "canvases": []}
+        for of in subjects:
+            if of.name != "large":
+                found["canvases"].append(canvas(browser, of, args.size))
+                results.write(args.json, found)
+    print(results.table(CANVAS_HEAD, [canvas_cells(r) for r in found["canvases"]]))
+
+
+if __name__ == "__main__":
+    main()
