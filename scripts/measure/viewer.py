@@ -4,9 +4,9 @@
 
     python scripts/measure/viewer.py --captures ../shared/captures --json target/validation/viewer.json
 
-Pages are those of `swatchwork view` for materials that are reconstructed here. *worst*, *mean*: NRMS (A > 0.5)
-of the whole still canvas against `relight`, from three test cameras, under two of the page's lights; *sampling*:
-of `relight` against itself with 8 x 8 shadings a pixel, the worst. *first picture*: seconds from opening the
+Pages are those of `swatchwork view` for materials reconstructed here. *worst*, *mean*: NRMS (A > 0.5) of the
+whole still canvas against `relight`, from three test cameras, under two of the page's lights; *sampling*: of
+`relight` against itself with 8 x 8 shadings a pixel, the worst. *first picture*: seconds from opening the
 file, median of five loads in a window of 1280 x 800. Chromium draws by software (SwiftShader).
 """
 
