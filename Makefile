@@ -48,12 +48,13 @@ test: setup ## every test: the Rust core's, then Python's
 	cargo test --release --quiet -p swatchwork-core
 	$(BIN)/pytest -q
 
-lint: setup ## formatting, types, floors, stub, clippy: warnings are errors
+lint: setup ## formatting, types, floors, stub, wheel, clippy: warnings are errors
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/python scripts/ci/check_floors.py
 	$(BIN)/python scripts/ci/check_stub.py
+	$(BIN)/python scripts/ci/check_wheel.py
 	cargo fmt --all --check
 	@scripts/quiet "lint: clippy" cargo clippy --workspace --all-targets --quiet -- -D warnings
 
@@ -86,6 +87,7 @@ validate: setup ## measure exactness, blends, captures, photographs (hours); wri
 	$(BIN)/python scripts/measure/confidence.py --data $(DATA) --captures $(CAPTURES) --json $(FIGURES)/confidence.json
 	$(BIN)/python scripts/measure/silhouettes.py --captures $(CAPTURES) --json $(FIGURES)/silhouettes.json
 	$(BIN)/python scripts/measure/photographs.py --data $(DATA) --ablations --cameras jpeg linear16 --picture docs/photographs.jpg --json $(FIGURES)/photographs.json
+	$(BIN)/python scripts/measure/viewer.py --captures $(CAPTURES) --json $(FIGURES)/viewer.json
 	$(BIN)/python scripts/measure/exports.py --captures $(CAPTURES) --json $(FIGURES)/exports.json
 	$(BIN)/python scripts/measure/page.py --figures $(FIGURES) --page docs/validation.md
 

@@ -5,7 +5,7 @@
     python scripts/measure/page.py --figures target/validation --page docs/validation.md
 
 Reads forward_model.json, exactness.json, two_of_four*.json, shadows.json, captures.json, planning.json,
-confidence.json, silhouettes.json, photographs.json and exports.json, whichever are there. Every verdict
+confidence.json, silhouettes.json, photographs.json, viewer.json and exports.json, whichever are there. Every verdict
 is computed from them against the bounds below; the page names the command and the commit of each figure.
 """
 
@@ -26,6 +26,7 @@ import results
 import shadows
 import silhouettes
 import two_of_four
+import viewer
 
 from swatchwork.surface import sky
 
@@ -304,6 +305,31 @@ and nowhere else. Place: distance of the camera from the true one, over that to 
 """
 
 
+CANVAS_BOUNDS = {"sphere": 0.03, "knot": 0.05, "igea-merl": 0.05}
+LARGEST_PAGE_MB, SLOWEST_S = 20.0, 3.0
+
+
+def viewer_section(figures: Figures) -> str:
+    canvases, pages = figures["canvases"], figures["pages"]
+    verdicts = [(f"{r['name']}: worst canvas", r["worst"], CANVAS_BOUNDS[r["name"]], "%") for r in canvases]
+    verdicts += [(f"{r['name']}: page", r["megabytes"], LARGEST_PAGE_MB, "MB") for r in pages]
+    verdicts += [(f"{r['name']}: first picture", r["first_picture_s"], SLOWEST_S, "s") for r in pages]
+    return f"""{source(figures)}
+
+The page of `swatchwork view` in headless Chromium, drawn by software on two cores (no graphics card). Canvases: the
+whole still picture, all {viewer.PASSES} passes, against `relight`, three cameras and two lights each, A > 0.5;
+*sampling* is how far `relight` is from itself with {viewer.FINE} x {viewer.FINE} shadings a pixel. First picture:
+from opening the file, the median of {viewer.LOADS} loads. No page said anything on the console or asked for
+anything but itself.
+
+{results.verdicts(verdicts)}
+
+{results.table(viewer.CANVAS_HEAD, [viewer.canvas_cells(r) for r in canvases], markdown=True)}
+
+{results.table(viewer.PAGE_HEAD, [viewer.page_cells(r) for r in pages], markdown=True)}
+"""
+
+
 SECTIONS: dict[str, tuple[str, Callable[[Figures], str]]] = {
     "forward_model": ("Forward model", forward_section),
     "exactness": ("Exactness", exactness_section),
@@ -318,6 +344,7 @@ SECTIONS: dict[str, tuple[str, Callable[[Figures], str]]] = {
         "From photographs",
         lambda figures: f"{source(figures)}\n\n{photographs_page.section(figures)}",
     ),
+    "viewer": ("Viewer", viewer_section),
     "exports": ("Exports", exports_section),
 }
 HEAD = """# Validation
