@@ -4,8 +4,8 @@
 
     python scripts/ci/check_wheel.py
 
-Every tracked file under python/ belongs into it, and so do the native module and the viewer's bundled script; node
-modules and whatever else lies in the working tree do not.
+Every tracked file under python/ belongs into it, and so do the native module and the viewer's bundled script;
+node modules and whatever else lies in the working tree do not.
 """
 
 from __future__ import annotations

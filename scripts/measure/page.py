@@ -5,8 +5,8 @@
     python scripts/measure/page.py --figures target/validation --page docs/validation.md
 
 Reads forward_model.json, exactness.json, two_of_four*.json, shadows.json, captures.json, planning.json,
-confidence.json, silhouettes.json, photographs.json, viewer.json and exports.json, whichever are there. Every verdict
-is computed from them against the bounds below; the page names the command and the commit of each figure.
+confidence.json, silhouettes.json, photographs.json, viewer.json and exports.json, whichever are there. Every
+verdict is computed from them against the bounds below; the page names command and commit of each figure.
 """
 
 from __future__ import annotations
@@ -316,11 +316,11 @@ def viewer_section(figures: Figures) -> str:
     verdicts += [(f"{r['name']}: first picture", r["first_picture_s"], SLOWEST_S, "s") for r in pages]
     return f"""{source(figures)}
 
-The page of `swatchwork view` in headless Chromium, drawn by software on two cores (no graphics card). Canvases: the
-whole still picture, all {viewer.PASSES} passes, against `relight`, three cameras and two lights each, A > 0.5;
-*sampling* is how far `relight` is from itself with {viewer.FINE} x {viewer.FINE} shadings a pixel. First picture:
-from opening the file, the median of {viewer.LOADS} loads. No page said anything on the console or asked for
-anything but itself.
+The page of `swatchwork view` in headless Chromium, drawn by software on two cores (no graphics card).
+Canvases: the whole still picture, all {viewer.PASSES} passes, against `relight`, three cameras and two lights
+each, A > 0.5; *sampling* is how far `relight` is from itself with {viewer.FINE} x {viewer.FINE} shadings a
+pixel. First picture: from opening the file, the median of {viewer.LOADS} loads. No page said anything on the
+console or asked for anything but itself.
 
 {results.verdicts(verdicts)}
 
