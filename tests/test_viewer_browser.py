@@ -161,6 +161,37 @@ def test_keys_move_the_picture(convex: Page) -> None:
     assert convex.said == []
 
 
+def test_fingers_turn_and_pinch(convex: Page) -> None:
+    session = convex.page.context.new_cdp_session(convex.page)
+    box = convex.page.locator("#stage").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    eye = "swatchwork.orbit.camera.position.clone().sub(swatchwork.orbit.centre).toArray()"
+
+    def touch(kind: str, *at: tuple[float, float]) -> None:
+        points = [{"x": x + dx, "y": y + dy, "id": finger} for finger, (dx, dy) in enumerate(at)]
+        session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+    convex.run("swatchwork.orbit.reset()")
+    stood = np.array(convex.run(eye))
+    touch("touchStart", (0, 0))
+    touch("touchMove", (30, 0))
+    touch("touchMove", (60, 0))
+    touch("touchEnd")
+    turned = np.array(convex.run(eye))
+    # About the object's middle: as far from it as before, elsewhere.
+    assert np.linalg.norm(turned) == pytest.approx(np.linalg.norm(stood), rel=1e-6)
+    assert np.linalg.norm(turned - stood) > 0.2 * np.linalg.norm(stood)
+    touch("touchStart", (-20, 0), (20, 0))
+    touch("touchMove", (-40, 0), (40, 0))
+    touch("touchMove", (-60, 0), (60, 0))
+    touch("touchEnd")
+    nearer = np.array(convex.run(eye))
+    assert np.linalg.norm(nearer) < 0.7 * np.linalg.norm(turned)
+    convex.run("swatchwork.orbit.reset()")
+    session.detach()
+    assert convex.said == []
+
+
 @pytest.mark.parametrize("kind", ["hdr", "exr"])
 def test_a_dropped_light_is_the_one_in_the_file(convex: Page, kind: str, tmp_path: Path) -> None:
     light = procedural_environment("overcast", 2, height=64)
