@@ -44,7 +44,7 @@ SHAPE, ROWS, MASKING, PATCHES = "blob", 64, "smith:0.2", 5.0
 LIGHT, NOVEL = "atelier", "overcast"
 VIEWS, BALLS, BOARDS, TEST_VIEWS, TEST_PX = 10, (0, 3), 10, 3, 240
 """Photographs of the object; those from whose tripods the ball was taken; of the board; of the truth."""
-AWAY = 3.4
+AWAY = 2.9
 """Of the camera from the object, in its radii."""
 BRACKETS = {"object": 3, "ball": 3}
 STOPS, BRIGHTEST = 4.0, 0.8
