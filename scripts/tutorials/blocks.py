@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: MIT
 """What a tutorial's Markdown holds for the runner: blocks to run, output to show, pictures to make.
 
-    ```sh                     run by bash, in the tutorials' folder; stops at the first command that fails
-    ```python                 run by this Python, in a process of its own
-    ```sh by-hand             not run: a person does it, with a browser and a mouse
-    ```text                   right after a block: what it printed; rewritten
-    <!-- picture: ... -->     on the line before ![...](pictures/NAME): how that picture is made (see pictures.py)
+```sh                     run by bash, in the tutorials' folder; stops at the first command that fails
+```python                 run by this Python, in a process of its own
+```sh by-hand             not run: a person does it, with a browser and a mouse
+```text                   right after a block: what it printed; rewritten
+<!-- picture: ... -->     on the line before ![...](pictures/NAME): how that picture is made (see pictures.py)
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ class TutorialError(Exception):
 class Block:
     """A fenced block to run.
 
-    ``first_line`` is that of its fence, from 1; ``shown`` are the lines [first, last) from 0 of the text block's
-    content that shows what it printed, or None.
+    ``first_line`` is that of its fence, from 1; ``shown`` are the lines [first, last) from 0 of the text
+    block that shows what it printed, without its fences, or None.
     """
 
     language: str
@@ -55,15 +55,18 @@ def steps_of(file: Path, text: str) -> list[Block | Picture]:
     """Blocks and pictures in their order.
 
     Raises:
-        TutorialError: a fence is not closed, an unknown mark, a text block that follows no block, or a picture's
-            recipe without its image.
+        TutorialError: a fence is not closed or of another language, a text block follows no block, or a
+            picture's recipe has no image below it.
     """
     lines = text.split("\n")
     steps: list[Block | Picture] = []
     at, last = 0, None
     while at < len(lines):
         if lines[at].startswith("<!-- picture"):
-            recipe, image = PICTURE.match(lines[at]), IMAGE.match(lines[at + 1] if at + 1 < len(lines) else "")
+            recipe, image = (
+                PICTURE.match(lines[at]),
+                IMAGE.match(lines[at + 1] if at + 1 < len(lines) else ""),
+            )
             if recipe is None or image is None:
                 raise TutorialError(f"{file}:{at + 1}: expected <!-- picture: RECIPE -->, then ![...](FILE)")
             steps.append(Picture(recipe[1], image[1], at + 1))
@@ -90,7 +93,7 @@ def steps_of(file: Path, text: str) -> list[Block | Picture]:
             last = None if mark == BY_HAND else at
         else:
             raise TutorialError(
-                f"{file}:{at + 1}: a block of type {fence[0][3:]!r}; expected sh, python or text, or sh by-hand"
+                f"{file}:{at + 1}: a block of type {fence[0][3:]!r}; expected sh, python, text or sh by-hand"
             )
         at = end + 1
     return steps

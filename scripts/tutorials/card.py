@@ -4,10 +4,10 @@
 
     python scripts/tutorials/card.py card
 
-card/scan.obj is the object's mesh and card/masks has a mask for each view. card/object has JPEG brackets of the
-object, card/ball of a mirror ball in its place, card/board single photographs of a checkerboard, all by one
-simulated camera: a distorted lens, photon and read noise, a response of its own, exposures in EXIF. card/truth is
-a capture under another light, noise-free: it is what a real shoot does not have.
+card/scan.obj is the object's mesh and card/masks has a mask for each view. card/object has JPEG brackets of
+the object, card/ball of a mirror ball in its place, card/board single photographs of a checkerboard, all by
+one simulated camera: a distorted lens, photon and read noise, a response of its own, exposures in EXIF.
+card/truth is a capture under another light, noise-free: it is what a real shoot does not have.
 """
 
 from __future__ import annotations
@@ -148,7 +148,9 @@ def take(folder: Path, name: str, pictures: list[F32], exposures: int) -> list[s
 
 def write_jpeg(file: Path, signal: Float, time_s: float) -> None:
     """Signals in [0, 1] through the camera's response; time, ISO 100 and f/8 in EXIF."""
-    srgb = np.where(signal <= 0.0031308, 12.92 * signal, 1.055 * np.maximum(signal, 1e-9) ** (1 / 2.4) - 0.055)
+    srgb = np.where(
+        signal <= 0.0031308, 12.92 * signal, 1.055 * np.maximum(signal, 1e-9) ** (1 / 2.4) - 0.055
+    )
     code = srgb + CONTRAST * (srgb * srgb * (3 - 2 * srgb) - srgb)
     exif = Pillow.Exif()
     time, aperture = IFDRational(round(time_s * 1_000_000), 1_000_000), IFDRational(8, 1)

@@ -6,8 +6,8 @@
     page FILE SELECTOR          part of a page that was written, as a headless Chromium shows it
     viewer FILE                 the interactive page, a few passes of its still picture drawn
 
-Pictures are small, for a page on GitHub. One that looks the same as the file that is there is not written: other
-processors and browsers round differently, and `git diff` is to show what changed.
+Pictures are small, for a page on GitHub. One that looks the same as the file that is there is not written:
+other processors and browsers round differently, and `git diff` is to show what changed.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ SAME_LEVELS, BLOCK_PX = 2.0, 16
 WINDOW = {"width": 960, "height": 620}
 VIEWER_WINDOW = {"width": 720, "height": 420}
 PASSES, FINISHED_AFTER_S = 4, 400
-"""Of the 64 of a finished still picture: drawn by software each takes seconds, and the rest changes little."""
+"""Of the 64 of a finished still picture: software takes seconds for each, and the rest changes little."""
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 FLAGS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", "--no-sandbox"]
 
@@ -59,13 +59,19 @@ def make(recipe: str, folder: Path, file: Path) -> bool:
     }
     if kind not in makers or len(words) != {"row": len(words) or 1, "page": 2, "viewer": 1}[kind]:
         raise ValueError(f"{recipe!r}: expected row FILE ..., page FILE SELECTOR, or viewer FILE")
-    places: list[Path | str] = [folder / word if kind != "page" or i == 0 else word for i, word in enumerate(words)]
+    places: list[Path | str] = [
+        folder / word if kind != "page" or i == 0 else word for i, word in enumerate(words)
+    ]
     picture = makers[kind](places)
     if picture.width > WIDEST_PX:
-        picture = picture.resize((WIDEST_PX, round(picture.height * WIDEST_PX / picture.width)), Pillow.Resampling.LANCZOS)
+        picture = picture.resize(
+            (WIDEST_PX, round(picture.height * WIDEST_PX / picture.width)), Pillow.Resampling.LANCZOS
+        )
     coded = encoded(picture, file.suffix)
     if len(coded) > LARGEST_BYTES:
-        raise ValueError(f"{file.name} has {len(coded)} bytes; expected {LARGEST_BYTES} at most: show less of it")
+        raise ValueError(
+            f"{file.name} has {len(coded)} bytes; expected {LARGEST_BYTES} at most: show less of it"
+        )
     if file.exists() and same(file.read_bytes(), coded):
         return False
     file.parent.mkdir(parents=True, exist_ok=True)
@@ -107,7 +113,9 @@ def row(files: list[Path]) -> Pillow.Image:
             shown = on_white(linear[file].linear / white, alpha_of(linear[file]))
         else:
             picture = Pillow.open(file).convert("RGBA")
-            shown = np.asarray(Pillow.alpha_composite(Pillow.new("RGBA", picture.size, "white"), picture))[..., :3]
+            shown = np.asarray(Pillow.alpha_composite(Pillow.new("RGBA", picture.size, "white"), picture))[
+                ..., :3
+            ]
         size = round(shown.shape[1] * ROW_PX / shown.shape[0]), ROW_PX
         cells.append(np.asarray(Pillow.fromarray(shown).resize(size, Pillow.Resampling.LANCZOS)))
     gap = np.full((ROW_PX, GAP_PX, 3), 255, np.uint8)
@@ -163,7 +171,9 @@ def of_viewer(file: Path) -> Pillow.Image:
         # The page's policy forbids what playwright's own wait does.
         while (passes := page.evaluate("swatchwork.stage.stats.passes")) < PASSES:
             if time.monotonic() > end:
-                raise ValueError(f"{file.name}: {passes} passes after {FINISHED_AFTER_S} s; expected {PASSES}")
+                raise ValueError(
+                    f"{file.name}: {passes} passes after {FINISHED_AFTER_S} s; expected {PASSES}"
+                )
             time.sleep(0.2)
         page.evaluate("swatchwork.stage.paused = true")
         return Pillow.open(BytesIO(page.screenshot()))

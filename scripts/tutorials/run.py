@@ -2,13 +2,14 @@
 # SPDX-License-Identifier: MIT
 """Run the tutorials: every block in order, what it prints written under it, every picture made anew.
 
-    python scripts/tutorials/run.py                                            # all of docs/tutorials
-    python scripts/tutorials/run.py docs/tutorials/reading_the_analysis.md     # one, in an empty folder
+    python scripts/tutorials/run.py                                          # all of docs/tutorials
+    python scripts/tutorials/run.py docs/tutorials/reading_the_analysis.md   # one, in an empty folder
 
-The blocks run in target/tutorials, which is emptied first. The run ends with exit code 1 at the first block that
-fails, and names it; the tutorial's file is then left as it was. Durations and sizes are elided (blocks.py) and a
-picture that looks the same is not rewritten (pictures.py), so that `git diff` shows what changed. Pictures of pages
-need playwright and Chromium; without them they are skipped, which is said, and the old ones stay.
+The blocks run in target/tutorials, which is emptied first. The run ends with exit code 1 at the first block
+that fails, and names it; the tutorial's file is then left as it was. Durations and sizes are elided
+(blocks.py) and a picture that looks the same is not rewritten (pictures.py), so that `git diff` shows what
+changed. Pictures of pages need playwright and Chromium; without them they are skipped, which is said, and the
+old ones stay.
 """
 
 from __future__ import annotations
@@ -49,7 +50,13 @@ def run_block(file: Path, block: Block, folder: Path) -> str:
     if block.language == "python":
         command = [sys.executable, "-c", block.code]
     done = subprocess.run(
-        command, cwd=folder, env=environment(), capture_output=True, text=True, stdin=subprocess.DEVNULL
+        command,
+        cwd=folder,
+        env=environment(),
+        capture_output=True,
+        text=True,
+        stdin=subprocess.DEVNULL,
+        check=False,
     )
     if done.returncode != 0:
         raise TutorialError(
