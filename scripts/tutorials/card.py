@@ -39,14 +39,14 @@ from swatchwork.simulate import (
 )
 from swatchwork.surface import write_mesh_obj
 
-LENS = Camera(400, 300, 471.0, 469.0, 203.0, 148.0, np.eye(4), k1=-0.1, k2=0.03, p1=5e-4, p2=-4e-4)
+LENS = Camera(480, 360, 565.0, 563.0, 244.0, 177.0, np.eye(4), k1=-0.1, k2=0.03, p1=5e-4, p2=-4e-4)
 SHAPE, ROWS, MASKING, PATCHES = "blob", 64, "smith:0.2", 5.0
 LIGHT, NOVEL = "atelier", "overcast"
-VIEWS, BALLS, BOARDS, TEST_VIEWS, TEST_PX = 8, (0, 2), 10, 2, 240
+VIEWS, BALLS, BOARDS, TEST_VIEWS, TEST_PX = 10, (0, 3), 10, 3, 240
 """Photographs of the object; those from whose tripods the ball was taken; of the board; of the truth."""
-AWAY = 2.9
+AWAY = 3.4
 """Of the camera from the object, in its radii."""
-BRACKETS = {"object": 3, "ball": 3}
+BRACKETS = {"object": 3, "ball": 5}
 STOPS, BRIGHTEST = 4.0, 0.8
 """Factor between the exposures of a bracket; share of full scale that the shortest one's lights come to."""
 BALL_RADIUS, BALL_REFLECTANCE = 0.8, 0.6
@@ -56,7 +56,7 @@ FULL_WELL, READ_NOISE = 30_000.0, 6.0
 """Electrons."""
 CONTRAST, QUALITY = 0.2, 95
 """Of the S-curve that the camera puts over sRGB's; of its JPEGs."""
-SAMPLES = 2
+SAMPLES = 3
 """Along a pixel's side, of ball and board."""
 
 
