@@ -15,7 +15,7 @@ RUST_SOURCES := Cargo.toml Cargo.lock $(shell find crates -name target -prune -o
 VENV_ENV := env -u CONDA_PREFIX VIRTUAL_ENV="$(CURDIR)/$(VENV)"
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint format bench validate reproduce picture gltf-validator clean
+.PHONY: help setup demo test lint format bench validate reproduce picture tutorials gltf-validator clean
 
 help: ## list what there is to make
 	@awk -F':.*## ' '/^[a-z-]+:.*## / {printf "  make %-14s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -102,6 +102,10 @@ gltf-validator: $(VENV)/.installed ## install the Khronos glTF validator (npm) i
 
 picture: setup ## make the README's picture, docs/picture.png, from the demo
 	$(BIN)/swatchwork demo $(DEMO) --picture docs/picture.png
+
+# The tutorials' README says what is rewritten. Chromium, where there is one, takes the pictures of pages.
+tutorials: setup ## run every block of docs/tutorials; write its output and pictures anew
+	$(BIN)/python scripts/tutorials/run.py
 
 clean: ## remove what was built
 	rm -rf $(VENV) target $(DEMO) $(VIEWER)/bundle $(VIEWER)/web/node_modules

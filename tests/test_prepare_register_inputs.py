@@ -15,7 +15,7 @@ from swatchwork.errors import InputError
 from swatchwork.simulate import shape
 from swatchwork.surface import write_mesh_obj
 from swatchwork.workflow import register_photographs
-from swatchwork.workflow.register_inputs import LEAST_PX, read_views
+from swatchwork.workflow.register_inputs import LEAST_PX, photographs_to_register, read_views
 from test_prepare_register_board import write_lens
 
 SIZE = 160
@@ -43,6 +43,14 @@ def masked(folder: Path, region: np.ndarray) -> Path:
 
 def region_of(file: Path, masks: Path | None = None) -> np.ndarray | None:
     return read_views([file], LENS, masks)[0]["a"].region
+
+
+def test_of_linearized_photographs_the_contact_sheet_is_left_out(tmp_path: Path) -> None:
+    file, sheet = exr(tmp_path), tmp_path / "contact-sheet.png"
+    cv2.imwrite(str(sheet), np.zeros((8, 8, 3), np.uint8))
+    assert photographs_to_register([tmp_path]) == [file, sheet]
+    (tmp_path / "linearize.json").write_text("{}")
+    assert photographs_to_register([tmp_path]) == [file]
 
 
 def test_the_object_is_where_both_mask_and_alpha_have_it(tmp_path: Path) -> None:

@@ -23,12 +23,14 @@ from ..surface import Mesh, read_mesh, sphere_mesh
 
 LEAST_PX = 40
 """Side of the square that the object's largest part fills: less tells no pose."""
+LINEARIZED = "linearize.json"
+"""What `prepare linearize` leaves beside its EXRs, and a contact sheet."""
 SPECKLED = 0.25
 """Share of the region in its largest part, below which there is no object but many specks."""
 
 
 def photographs_to_register(places: Sequence[Path]) -> list[Path]:
-    """Files as given, and of folders the images in them by name.
+    """Files as given, and of folders the images in them by name; of a folder of `prepare linearize` its EXRs.
 
     Raises:
         InputError: a place does not exist or is no image; two have one name; there is none.
@@ -36,7 +38,8 @@ def photographs_to_register(places: Sequence[Path]) -> list[Path]:
     files: list[Path] = []
     for place in places:
         if place.is_dir():
-            files += sorted(f for f in place.iterdir() if f.suffix.lower() in IMAGE_SUFFIXES and f.is_file())
+            suffixes = (".exr",) if (place / LINEARIZED).is_file() else IMAGE_SUFFIXES
+            files += sorted(f for f in place.iterdir() if f.suffix.lower() in suffixes and f.is_file())
         elif not place.is_file():
             raise InputError("no such file or folder", file=place, expected="photographs of the object")
         elif place.suffix.lower() not in IMAGE_SUFFIXES:
