@@ -313,6 +313,16 @@ def test_finds_two_of_four_from_nothing() -> None:
     assert {(step.n, step.N) for step in solution.history} >= {(1, 1), (2, 4), (2, 5)}
 
 
+def test_the_history_is_judged_by_the_same_penalties(noisy: tuple) -> None:
+    _, problem, *_ = noisy
+    solution = solve(problem, SolveOptions(explore_texels=100))
+    alone = [step for step in solution.history if step.N == 1]
+    data = [step.objective - solution.lambda0 * step.n - solution.lambda1 for step in alone]
+    # One representative is one model, whatever n, found at whatever time.
+    assert {step.n for step in alone} >= {1, 2}
+    assert data == pytest.approx([data[0]] * len(data), rel=1e-6)
+
+
 def test_papers_order_follows_section_4() -> None:
     truth = two_of_four(k=6, seed=0, texels=400)
     options = SolveOptions(search_order="paper", lambda0=0.005**2, lambda1=0.002**2, max_n=2, max_N=5)

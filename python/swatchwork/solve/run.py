@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -32,6 +32,8 @@ class Run:
     ahead: float = 0.0
     """Steps of the task's total that are left."""
     history: list[Step] = field(default_factory=list)
+    errors: dict[int, tuple[F64, F64]] = field(default_factory=dict)
+    """Squared relative errors [M] and shares [M] of the models in the history, by their place there."""
 
     def settle(self, model: Alternation, n: int, move: Move, coarse: float = COARSE) -> Alternation:
         """Alternate to convergence from a model, and write down where it ended.
@@ -60,7 +62,9 @@ class Run:
         return settled
 
     def note(self, model: Alternation, n: int, move: Move) -> None:
-        self.penalties.observe(self._relative(model), self.problem.measurements, n, model.N)
+        relative = self._relative(model)
+        self.penalties.observe(relative, self.problem.measurements, n, model.N)
+        self.errors[len(self.history)] = relative, self.problem.share
         self.history.append(Step(n, model.N, move, model.count, model.data, self.objective(model, n)))
         error = 100 * np.sqrt(model.data)
         self.task.describe(f"n = {n}, N = {model.N}: relative error {error:.2g} %")
@@ -68,6 +72,16 @@ class Run:
         step = min(1.0, self.ahead / 8)
         self.ahead -= step
         self.task.advance(step)
+
+    def judged(self) -> list[Step]:
+        """The history with every objective by the penalties as they stand now."""
+        penalties = self.penalties
+        return [
+            replace(step, objective=penalties.objective(penalties.data(*self.errors[i]), step.n, step.N))
+            if i in self.errors
+            else step
+            for i, step in enumerate(self.history)
+        ]
 
     def finish(self) -> None:
         """Fill the progress bar."""

@@ -102,7 +102,7 @@ def _solution(run: Run, n: int, model: Alternation) -> Solution:
         lambda1=penalties.lambda1,
         noise=float(penalties.variance) ** 0.5,
         status="converged" if model.converged else "iteration limit",
-        history=run.history,
+        history=run.judged(),
     )
 
 

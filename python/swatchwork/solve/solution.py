@@ -29,7 +29,7 @@ class Step:
     data: float
     """Data term of Eq. 5, a mean over texels of squared relative errors."""
     objective: float
-    """With the penalties as they stood then; where they follow the noise, outliers count by their root."""
+    """By the penalties at the end; where they follow the noise, outliers count by their root."""
 
 
 @dataclass(frozen=True)
