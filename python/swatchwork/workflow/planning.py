@@ -334,7 +334,8 @@ def _sheet(
             overview(thing, found.unknown_before, 1.0, taken=taken),
         ),
         Picture(
-            f"after {k} more views, numbered in the order of use; grey ones were taken already",
+            f"after {k} more views, numbered in the order of use, pale behind the object"
+            + ("; grey ones were taken already" if len(taken) else ""),
             overview(thing, found.unknown_after, 1.0, chosen, taken),
         ),
     )
