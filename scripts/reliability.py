@@ -10,7 +10,7 @@ HEAD = "# Reliability\n\nWhat was done to the package to break it, and what was 
 
 
 def put(page: Path, name: str, text: str) -> None:
-    """Put ``text`` between ``<!-- name -->`` and ``<!-- /name -->``, at the end where the page has no such part.
+    """Put ``text`` between ``<!-- name -->`` and ``<!-- /name -->``; a new part comes at the page's end.
 
     Raises:
         ValueError: the page has the part's beginning without its end.

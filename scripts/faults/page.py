@@ -22,8 +22,8 @@ def write(file: Path, found: dict[str, Any]) -> None:
     lines = ["| fault | times | found afterwards | verdict | commit |", "|---|---|---|---|---|"]
     for figures in found.values():
         lines += [
-            f"| {row['fault']} | {row['times']} | {row['found']} | {'holds' if row['holds'] else '**fails**'} "
-            f"| {figures['commit']} |"
+            f"| {row['fault']} | {row['times']} | {row['found']} "
+            f"| {'holds' if row['holds'] else '**fails**'} | {figures['commit']} |"
             for row in figures["rows"]
         ]
     head = (

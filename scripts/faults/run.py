@@ -19,13 +19,25 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import disk
 import kills
+import memory
+import others
 import page
 import shared
+import stops
+import swap
+import writers
 from shared import results
 
 EXPERIMENTS: dict[str, Callable[[], dict[str, Any]]] = {
     "kills": kills.measure,
+    "swap": swap.measure,
+    "writers": writers.measure,
+    "stops": stops.measure,
+    "disk": disk.measure,
+    "memory": memory.measure,
+    "others": others.measure,
 }
 
 

@@ -26,12 +26,18 @@ OTHERS = ["--resolution", "32", "--texels", "100", "--n", "1", "--N", "1"]
 TICKS = os.sysconf("SC_CLK_TCK")
 SINCE_START = ("utime", "stime")
 
+MAKE_CAPTURE = """
+import sys
+from swatchwork.simulate import simulate_capture
+simulate_capture(sys.argv[1], object_shape="blob", rows=16, k=3, test_views=2, size=48, materials=2)
+"""
+
 Contents = dict[str, str]
 
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the page: a fault, how often it was made, what was there afterwards, and whether that is right."""
+    """One line of the page: a fault, how often, what was there afterwards, and whether that is right."""
 
     fault: str
     times: int
@@ -70,11 +76,10 @@ def capture() -> Path:
     """A blob before three cameras, made once."""
     folder = FAULTS / "capture"
     if not folder.is_dir():
-        from swatchwork.simulate import simulate_capture
-
         part = folder.with_name("capture.part")
         shutil.rmtree(part, ignore_errors=True)
-        simulate_capture(part, object_shape="blob", rows=16, k=3, test_views=2, size=48, materials=2)
+        # In a process of its own: this one forks, which threads of the core would not outlive.
+        subprocess.run([sys.executable, "-c", MAKE_CAPTURE, str(part)], check=True)
         part.rename(folder)
     return folder
 
