@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Swatchwork contributors
 # SPDX-License-Identifier: MIT
-"""A full disk (a small tmpfs, as root), a limit on file sizes, a read-only disk, and names that are in the way."""
+"""Full disks (a tmpfs, as root), a limit on file sizes, read-only disks, and names that are in the way."""
 
 from __future__ import annotations
 
@@ -64,8 +64,8 @@ def _full(whole: dict[str, str]) -> Row:
     if places != {"OUT.partial", "OUT"}:
         wrong.append(f"the levels only reach {places}")
     found = "; ".join(wrong[:3]) or (
-        "exit 2 and one line with the place, OUT the older material, at most OUT.partial beside it; with room "
-        "again, identical materials"
+        "exit 2 and one line with the place, OUT the older material, at most OUT.partial beside it; with "
+        "room again, identical materials"
     )
     return Row(
         f"a disk with {', '.join(map(str, ROOM_KB))} KB left, `reconstruct`", len(ROOM_KB), found, not wrong

@@ -87,7 +87,7 @@ def reconstruct(output: Path, options: list[str] = shared.OPTIONS) -> list[str]:
 
 
 def ready(folder: Path) -> Path:
-    """``folder/out`` as the older material, and ``out.partial`` with every part of the run that replaces it."""
+    """``folder/out`` as the older material, ``out.partial`` with all parts of the run that replaces it."""
     template = shared.FAULTS / "ready"
     if not template.is_dir():
         part = shared.emptied("ready")

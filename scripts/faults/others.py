@@ -17,10 +17,14 @@ import shared
 from same_bits import contents, differing
 from shared import Row
 
+MOST_COST = 0.03
+"""Of CPU time, for checkpoints and their digests."""
+
 
 def measure() -> dict[str, Any]:
     whole = {name: of for name, of in contents(shared.whole()).items() if name != "viewer.html"}
     rows = [
+        _digest_cost(),
         _second_run(whole),
         _stale_lock(whole),
         _no_locks(whole),
@@ -61,8 +65,8 @@ def _second_run(whole: dict[str, str]) -> Row:
     wrong = ([bad] if bad else []) + ([f"the first: {ended}"] if ended[0] else [])
     wrong += [f"differs in {name}" for name in differing(output, whole)]
     found = "; ".join(wrong) or (
-        "the second ends at once with exit 2 and one line: process, host, since when, and what to do; the first "
-        "ends with its material"
+        "the second ends at once with exit 2 and one line: process, host, since when, and what to do; the "
+        "first ends with its material"
     )
     return Row("two runs into one OUT", 1, found, not wrong)
 
@@ -116,6 +120,34 @@ def _clock(whole: dict[str, str]) -> Row:
     return Row(
         "a clock that jumps by years at each look, checkpoints from past and future", 1, found, not wrong
     )
+
+
+def _digest_cost() -> Row:
+    """CPU time of the digests, as a share of the run that makes them."""
+    folder = shared.emptied("others")
+    told = folder / "told"
+
+    def timed() -> None:
+        from swatchwork.workflow import checkpoints
+
+        spent = [0.0]
+        real = checkpoints.write_part
+
+        def write_part(*arguments: Any) -> None:
+            start = time.process_time()
+            real(*arguments)
+            spent[0] += time.process_time() - start
+            told.write_text(f"{spent[0]} {time.process_time()}")
+
+        checkpoints.write_part = write_part
+
+    code, said = forking.run(forking.reconstruct(folder / "out"), before=timed)
+    assert code == 0, said
+    spent_s, total_s = map(float, told.read_text().split())
+    share = spent_s / total_s
+    # What is asked: the clean path may not be slower by more than a few per cent.
+    found = f"{100 * share:.1f} % of the run's CPU time until its last part, writing and syncing included"
+    return Row("no fault: what checkpoints with digests cost", 1, found, share < MOST_COST)
 
 
 def _damage(whole: dict[str, str]) -> list[Row]:

@@ -70,8 +70,8 @@ def _stopped(
         if code or differing(output, whole) or shared.left_beside(output):
             wrong.append(f"at {moment_s / total_s:.2f}: the same command then: {code} {said}")
     found = "; ".join(wrong[:3]) or (
-        f"exit {code_of} and one line that says that the same command goes on, OUT the older material, at most "
-        f"OUT.partial beside it; {times} identical materials after the same command"
+        f"exit {code_of} and one line that says that the same command goes on, OUT the older material, at "
+        f"most OUT.partial beside it; {times} identical materials after the same command"
     )
     return Row(f"{number.name} at random moments of a run", times, found, not wrong)
 
