@@ -12,8 +12,10 @@ import json
 import random
 import signal
 import sys
+from pathlib import Path
 from typing import Any
 
+import forking
 import shared
 from same_bits import contents, differing
 from shared import Row
@@ -24,7 +26,7 @@ LATE = 0.3
 
 def measure(kills: int = 50, seed: int = 0) -> dict[str, Any]:
     whole = contents(shared.whole())
-    total_s = shared.undisturbed_cpu_s()
+    total_s = forking.cpu_of_a_run(arguments_for(shared.emptied("kills") / "out"))
     rng = random.Random(seed)
     kept = shared.FAULTS / "kills.jsonl"
     found = [json.loads(line) for line in kept.read_text().splitlines()] if kept.exists() else []
@@ -60,20 +62,26 @@ def measure(kills: int = 50, seed: int = 0) -> dict[str, Any]:
     return shared.rows_of(rows, total_cpu_s=total_s, kills=found)
 
 
+def arguments_for(output: Path) -> list[str]:
+    """The run that is killed; with the viewer."""
+    return [word for word in forking.reconstruct(output) if word != "--no-viewer"]
+
+
 def killed(moment_s: float, with_older: bool, whole: dict[str, str]) -> dict[str, Any] | None:
     """One run killed at a moment and gone on with; None where it was through by then."""
     folder = shared.emptied("kills")
     output = shared.with_older(folder) if with_older else folder / "out"
-    process = shared.started(shared.reconstruct(output))
-    if not shared.until(process, moment_s):
-        process.communicate()
+    process = forking.start(arguments_for(output))
+    if not process.at(moment_s):
+        process.ended()
         return None
-    process.send_signal(signal.SIGKILL)
-    process.communicate()
+    process.signal(signal.SIGKILL)
+    if process.ended()[0] != -signal.SIGKILL:
+        return None
     partial = output.with_name("out.partial")
     parts = [path.name for path in partial.iterdir() if path.is_dir()] if partial.is_dir() else []
     state = shared.state_of(output)
-    code, said = shared.ran(shared.reconstruct(output))
+    code, said = forking.run(arguments_for(output))
     return {
         "state": state,
         "allowed": ["older" if with_older else "none", "new"],

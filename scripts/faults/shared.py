@@ -8,8 +8,8 @@ import os
 import shutil
 import subprocess
 import sys
-import time
 from dataclasses import asdict, dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -84,6 +84,7 @@ def capture() -> Path:
     return folder
 
 
+@cache
 def material(name: str, options: list[str]) -> Path:
     """An undisturbed run's material, made once for the package as it is."""
     from swatchwork.workflow.recovery import digest_of_the_package
@@ -111,28 +112,6 @@ def cpu_s(pid: int) -> float:
     """CPU time that a process has taken, of Linux; how busy the machine is does not count."""
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / TICKS
-
-
-def until(process: subprocess.Popen[str], moment_s: float) -> bool:
-    """Wait until the process has taken so much CPU time; whether it was still there."""
-    while process.poll() is None:
-        try:
-            if cpu_s(process.pid) >= moment_s:
-                return True
-        except (OSError, ValueError, IndexError):
-            break
-        time.sleep(0.002)
-    return False
-
-
-def undisturbed_cpu_s() -> float:
-    """CPU time of a run that nothing disturbs."""
-    output = emptied("undisturbed") / "out"
-    before = os.times()
-    code, said = ran(reconstruct(output))
-    after = os.times()
-    assert code == 0, said
-    return after.children_user + after.children_system - before.children_user - before.children_system
 
 
 def emptied(name: str) -> Path:

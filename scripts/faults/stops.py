@@ -20,26 +20,13 @@ from shared import Row
 def measure() -> dict[str, Any]:
     whole = {name: of for name, of in contents(shared.whole()).items() if name != "viewer.html"}
     rng = random.Random(1)
-    total_s = _cpu_of_a_run()
+    total_s = forking.cpu_of_a_run(forking.reconstruct(shared.emptied("stops") / "out"))
     rows = [
         _stopped(signal.SIGINT, 10, rng, total_s, whole),
         _stopped(signal.SIGTERM, 3, rng, total_s, whole),
         _twice(whole),
     ]
     return shared.rows_of(rows, total_cpu_s=total_s)
-
-
-def _cpu_of_a_run() -> float:
-    process = forking.start(forking.reconstruct(shared.emptied("stops") / "out"))
-    last = 0.0
-    while process.poll() is None:
-        try:
-            last = max(last, shared.cpu_s(process.pid))
-        except (OSError, ValueError):
-            break
-        time.sleep(0.005)
-    process.ended()
-    return last
 
 
 def _stopped(
