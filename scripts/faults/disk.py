@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Swatchwork contributors
 # SPDX-License-Identifier: MIT
-"""Full disks (a tmpfs, as root), a limit on file sizes, read-only disks, and names that are in the way."""
+"""Full disks (a tmpfs, as root), and a limit on the size of files."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import resource
 import shutil
 import signal
 import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -19,16 +19,14 @@ import shared
 from same_bits import contents, differing
 from shared import Row
 
-ROOM_KB = (60, 200, 400, 700, 1000)
-"""Left on the disk: too little for the first checkpoint, for a later one, for the material folder."""
-NOBODY = 65534
+ROOM_KB = ((False, 60), (False, 700), (True, 60), (True, 300))
+"""Left on the disk; and whether all checkpoints are there already, so that the folder is what fills it."""
 
 
 def measure() -> dict[str, Any]:
     whole = {name: of for name, of in contents(shared.whole()).items() if name != "viewer.html"}
-    rows = [_full(whole), _file_size(whole), _writers_on_a_full_disk()] if os.geteuid() == 0 else []
-    rows += [*_in_the_way(), *_read_only()]
-    return shared.rows_of(rows)
+    rows = [_full(whole), _writers_on_a_full_disk()] if os.geteuid() == 0 else []
+    return shared.rows_of([*rows, _file_size(whole)])
 
 
 @contextmanager
@@ -44,32 +42,33 @@ def tmpfs(size_kb: int) -> Iterator[Path]:
 
 def _full(whole: dict[str, str]) -> Row:
     wrong, places = [], set()
-    for room in ROOM_KB:
+    for ready, room in ROOM_KB:
+        when = f"{room} KB{' for the folder' if ready else ''}"
         with tmpfs(64_000) as disk:
-            output = shared.with_older(disk)
+            work = disk / "work"
+            work.mkdir()
+            output = forking.ready(work) if ready else shared.with_older(work)
             filler = disk / "filler"
             free = shutil.disk_usage(disk).free
             with filler.open("wb") as stream:
                 stream.write(b"\0" * (free - room * 1024))
             code, said = forking.run(forking.reconstruct(output))
-            bad = forking.one_line(code, said, 2, "No space left on device", "out")
-            if bad:
-                wrong.append(f"{room} KB: {bad}")
+            bad = forking.one_line(code, said, 2, "No space left on device", str(output))
+            wrong += [f"{when}: {bad}"] if bad else []
             places.add("OUT.partial" if "out.partial" in said else "OUT")
-            wrong += _intact(output, f"{room} KB", {"out.partial", "filler"})
+            wrong += intact(output, when, {"out.partial"})
             filler.unlink()
             code, said = forking.run(forking.reconstruct(output))
             if code or differing(output, whole) or shared.left_beside(output):
-                wrong.append(f"{room} KB: with room the same command: {code} {said}")
+                wrong.append(f"{when}: with room the same command: {code} {said}")
     if places != {"OUT.partial", "OUT"}:
         wrong.append(f"the levels only reach {places}")
     found = "; ".join(wrong[:3]) or (
         "exit 2 and one line with the place, OUT the older material, at most OUT.partial beside it; with "
         "room again, identical materials"
     )
-    return Row(
-        f"a disk with {', '.join(map(str, ROOM_KB))} KB left, `reconstruct`", len(ROOM_KB), found, not wrong
-    )
+    levels = "60 or 700 KB left for checkpoints, 60 or 300 KB for the folder"
+    return Row(f"a disk with {levels}, `reconstruct`", len(ROOM_KB), found, not wrong)
 
 
 def _file_size(whole: dict[str, str]) -> Row:
@@ -81,7 +80,7 @@ def _file_size(whole: dict[str, str]) -> Row:
 
     code, said = forking.run(forking.reconstruct(output), before=limited)
     bad = forking.one_line(code, said, 2, "cannot be written")
-    wrong = ([bad] if bad else []) + _intact(output, "limit", {"out.partial"})
+    wrong = ([bad] if bad else []) + intact(output, "limit", {"out.partial"})
     code, said = forking.run(forking.reconstruct(output))
     if code or differing(output, whole):
         wrong.append(f"then: {code} {said}")
@@ -113,78 +112,7 @@ def _writers_on_a_full_disk() -> Row:
     return Row(f"a disk of 16 KB: {', '.join(commands)}", len(commands), found, not wrong)
 
 
-def _in_the_way() -> list[Row]:
-    """Outputs that are something else than a folder of ours."""
-
-    def file(folder: Path) -> None:
-        (folder / "out").write_text("dear")
-
-    def link(folder: Path) -> None:
-        shared.with_older(folder).rename(folder / "target")
-        (folder / "out").symlink_to("target")
-
-    def dangling(folder: Path) -> None:
-        (folder / "out").symlink_to("target")
-
-    def parent_is_a_file(folder: Path) -> None:
-        (folder / "deep").write_text("dear")
-
-    cases: list[tuple[str, Callable[[Path], None], str, int, str]] = [
-        ("OUT is a file", file, "out", 2, "exists and is not a material folder"),
-        ("OUT's parent is a file", parent_is_a_file, "deep/out", 2, "cannot be written"),
-        ("OUT's parents are missing", lambda folder: None, "a/b/out", 0, ""),
-        ("OUT is a link to a material", link, "out", 0, ""),
-        ("OUT is a link to nothing", dangling, "out", 0, ""),
-    ]
-    rows = []
-    for name, prepare, output, wanted, words in cases:
-        folder = shared.emptied("disk")
-        prepare(folder)
-        arguments = forking.reconstruct(folder / output, options=shared.OTHERS)
-        code, said = forking.run(arguments)
-        wrong = []
-        if wanted:
-            bad = forking.one_line(code, said, wanted, words)
-            wrong += [bad] if bad else []
-            found = "exit 2 and one line; nothing is touched"
-            if any(path.is_file() and path.read_text() != "dear" for path in folder.rglob("*")):
-                wrong.append("something was touched")
-        else:
-            found = "the material is there"
-            if code or not (folder / output / "svbrdf.json").is_file():
-                wrong.append(f"exit code {code}: {said}")
-            if "link" in name:
-                found = "the material is where the link points; the link stays"
-                if not (folder / "out").is_symlink() or not (folder / "target" / "svbrdf.json").is_file():
-                    wrong.append("the link is gone")
-        rows.append(Row(name, 1, "; ".join(wrong) or found, not wrong))
-    return rows
-
-
-def _read_only() -> list[Row]:
-    rows = []
-    for name, user in (("a folder of mode 0555, not as root", True), ("a read-only disk", False)):
-        if os.geteuid() != 0:
-            continue
-        with tmpfs(32_000) as disk:
-            output = shared.with_older(disk)
-            if user:
-                os.chmod(disk, 0o555)
-            else:
-                subprocess.run(["mount", "-o", "remount,ro", str(disk)], check=True)
-            code, said = forking.run(
-                forking.reconstruct(output), before=(lambda: os.setuid(NOBODY)) if user else lambda: None
-            )
-            bad = forking.one_line(
-                code, said, 2, "Permission denied" if user else "Read-only file system", "out"
-            )
-            wrong = ([bad] if bad else []) + _intact(output, name, set())
-            found = "; ".join(wrong) or "exit 2 and one line before any work, OUT the older material"
-            rows.append(Row(name, 1, found, not wrong))
-    return rows
-
-
-def _intact(output: Path, when: str, allowed: set[str]) -> list[str]:
+def intact(output: Path, when: str, allowed: set[str]) -> list[str]:
     wrong = [f"{when}: leaves {name}" for name in shared.left_beside(output) if name not in allowed]
     if contents(output) != contents(shared.older()):
         wrong.append(f"{when}: OUT is not the older material")

@@ -58,6 +58,7 @@ class Process:
 
 def start(arguments: list[str], *faults: str, before: Callable[[], None] = lambda: None) -> Process:
     """The command in a forked process with faults put in; ``before`` runs in it first."""
+    import swatchwork.cli.app
     import swatchwork.workflow  # noqa: F401
 
     said = Path(tempfile.mkstemp(prefix="said-", dir=shared.FAULTS)[1])

@@ -23,6 +23,7 @@ import disk
 import kills
 import memory
 import others
+import outputs
 import page
 import shared
 import stops
@@ -36,6 +37,7 @@ EXPERIMENTS: dict[str, Callable[[], dict[str, Any]]] = {
     "writers": writers.measure,
     "stops": stops.measure,
     "disk": disk.measure,
+    "outputs": outputs.measure,
     "memory": memory.measure,
     "others": others.measure,
 }

@@ -84,7 +84,6 @@ def capture() -> Path:
     return folder
 
 
-@cache
 def material(name: str, options: list[str]) -> Path:
     """An undisturbed run's material, made once for the package as it is."""
     from swatchwork.workflow.recovery import digest_of_the_package
@@ -98,11 +97,13 @@ def material(name: str, options: list[str]) -> Path:
     return folder
 
 
+@cache
 def whole() -> Path:
     """What every run that goes on must end with."""
     return material("whole", OPTIONS)
 
 
+@cache
 def older() -> Path:
     """Another material, for a run to replace."""
     return material("older", OTHERS)
