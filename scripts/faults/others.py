@@ -39,7 +39,7 @@ def _paused_in_the_run(output: Path) -> forking.Process:
     """A run that stands still and holds its lock."""
     process = forking.start(forking.reconstruct(output))
     lock = output.with_name("out.partial") / "lock"
-    while process.poll() is None and not (lock.exists() and lock.read_text()):
+    while process.poll() is None and not (lock.exists() and f'"pid": {process.pid},' in lock.read_text()):
         time.sleep(0.005)
     process.signal(signal.SIGSTOP)
     return process
