@@ -18,7 +18,7 @@ import shared
 from same_bits import contents, differing
 from shared import Row
 
-EXTRA_MB = (0, 20, 50, 100, 150, 200, 300, 500)
+EXTRA_MB = (0, 50, 150, 300, 600)
 """Above what the process has when it begins."""
 
 

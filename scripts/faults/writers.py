@@ -55,7 +55,6 @@ def exporting(target: str, output: str = "OUT/o") -> Writer:
 RELIGHT = ("relight", "M", "--cameras", "C/test/transforms.json", "-o", "OUT/o", "--samples", "1", "-q")
 PLAN = ("plan", "-o", "OUT/o", "--shape", "sphere", "--candidates", "20", "--size", "16", "-q", "--views")
 VIEW = ("-o", "OUT/o.html", "--no-open", "-q")
-CHECK = ("-o", "OUT/o.html", "-q")
 WRITERS = (
     Writer(
         "relight",
@@ -64,10 +63,8 @@ WRITERS = (
         together=False,
     ),
     exporting("gltf", "OUT/o.glb"),
-    exporting("mitsuba"),
     exporting("maps"),
     Writer("view", ("view", "L", *VIEW), ("view", "M", *VIEW)),
-    Writer("check", ("check", "C", *CHECK), ("check", "C/test", *CHECK)),
     Writer("plan", (*PLAN, "2"), (*PLAN, "3"), together=False),
 )
 
