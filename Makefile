@@ -15,7 +15,7 @@ RUST_SOURCES := Cargo.toml Cargo.lock $(shell find crates -name target -prune -o
 VENV_ENV := env -u CONDA_PREFIX VIRTUAL_ENV="$(CURDIR)/$(VENV)"
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint format bench validate reproduce picture tutorials gltf-validator clean
+.PHONY: help setup demo test lint format bench validate faults fuzz reproduce picture tutorials gltf-validator clean
 
 help: ## list what there is to make
 	@awk -F':.*## ' '/^[a-z-]+:.*## / {printf "  make %-14s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -90,6 +90,10 @@ validate: setup ## measure exactness, blends, captures, photographs (hours); wri
 	$(BIN)/python scripts/measure/viewer.py --captures $(CAPTURES) --json $(FIGURES)/viewer.json
 	$(BIN)/python scripts/measure/exports.py --captures $(CAPTURES) --json $(FIGURES)/exports.json
 	$(BIN)/python scripts/measure/page.py --figures $(FIGURES) --page docs/validation.md
+
+# Finished faults are kept in target/faults; `rm -r` it to begin anew.
+faults: setup ## kill, stop, fill the disk, damage checkpoints (an hour); write docs/reliability.md
+	$(BIN)/python scripts/faults/run.py --json target/faults/faults.json --page docs/reliability.md
 
 # Finished parts are kept in target/reproduction; `rm -r` it to begin anew.
 reproduce: setup ## run the paper's experiments (hours); write docs/reproduction.md

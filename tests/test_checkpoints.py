@@ -107,7 +107,8 @@ def test_a_full_disk_keeps_what_was_finished(tmp_path: Path, monkeypatch: pytest
 
 
 def reconstruct(capture: Path, output: Path) -> subprocess.Popen[bytes]:
-    command = [sys.executable, "-c", "from swatchwork.cli import main; main()", "reconstruct", str(capture)]
+    run = "import sys; from swatchwork.cli import main; sys.exit(main())"
+    command = [sys.executable, "-c", run, "reconstruct", str(capture)]
     command += ["-o", str(output), "--resolution", "64", "--texels", "200", "--max-n", "2", "--max-N", "3"]
     return subprocess.Popen([*command, "-q"])
 

@@ -26,6 +26,7 @@ from swatchwork.material import (
 from swatchwork.material import folder as folder_module
 from swatchwork.material.maps import normal_albedo
 from swatchwork.reflectance import DIFFUSE_KERNELS, GenericBasis, extended, paper
+from swatchwork.whole import folders
 
 
 def record(basis: GenericBasis) -> BasisRecord:
@@ -162,9 +163,9 @@ def test_a_full_disk_leaves_the_old_material_and_nothing_else(
     def full(*args: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    for step in ("write_obj", "_sync", "_swap"):
+    for module, step in ((folder_module, "write_obj"), (folders, "sync"), (folders, "_swap")):
         with monkeypatch.context() as patch:
-            patch.setattr(folder_module, step, full)
+            patch.setattr(module, step, full)
             with pytest.raises(OutputError, match="No space left on device"):
                 write_material(tmp_path / "out", example(2))
         assert read_material(tmp_path / "out").n == 1
@@ -202,11 +203,12 @@ def test_a_failing_swap_puts_the_old_material_back(tmp_path: Path, monkeypatch: 
     rename = Path.rename
 
     def second_fails(self: Path, target: Path) -> Path:
-        if self.name.startswith(".out.") and not self.name.endswith(".old"):
-            raise OSError(errno.EIO, "I/O error")
+        if self.name.endswith(".unfinished"):
+            raise OSError(errno.EIO if not target.exists() else errno.ENOTEMPTY, "I/O error")
         return rename(self, target)
 
     with monkeypatch.context() as patch:
+        patch.setattr(folders, "exchange", lambda *_: False)
         patch.setattr(Path, "rename", second_fails)
         with pytest.raises(OutputError, match="I/O error"):
             write_material(tmp_path / "out", example(2))

@@ -298,10 +298,10 @@ def test_a_disk_that_cannot_be_written_is_told_and_the_old_file_stays(
     ask(server, "save", {"photographs": {"IMG_1.exr": [GOOD]}})
     before = scene.output.read_bytes()
 
-    def full(self: Path, target: Path) -> Path:
+    def full(source: Path, target: Path) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(Path, "replace", full)
+    monkeypatch.setattr(os, "replace", full)
     code, message = refused(server, "save", {"photographs": {"IMG_1.exr": [GOOD, GOOD]}})
     assert code == 507 and "No space left" in message
     assert scene.output.read_bytes() == before

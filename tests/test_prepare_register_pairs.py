@@ -39,7 +39,8 @@ def test_written_pairs_are_read_again(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["pairs.json"]
 
 
-def test_a_folder_that_is_not_there_is_told(tmp_path):
+def test_a_folder_that_cannot_be_is_told(tmp_path):
+    (tmp_path / "none").write_text("a file")
     with pytest.raises(OutputError, match="cannot be written"):
         write_pairs(tmp_path / "none" / "pairs.json", {}, "bunny.obj")
 

@@ -167,7 +167,7 @@ def test_write_replaces_whole_and_leaves_no_partial(tmp_path: Path) -> None:
 
 def test_write_into_something_that_is_no_folder(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(OutputError, match="report could not be written"):
+    with pytest.raises(OutputError, match="cannot be written"):
         write_report(tmp_path / "file" / "report.html", Report(title="x"))
 
 

@@ -284,7 +284,7 @@ def test_a_build_without_network_says_what_to_do(monkeypatch: pytest.MonkeyPatch
 
 def test_nothing_half_written(viewer: ViewerScene, tmp_path: Path) -> None:
     (tmp_path / "page.html").mkdir()
-    with pytest.raises(OutputError, match="could not be written"):
+    with pytest.raises(OutputError, match="cannot be written"):
         write_viewer(tmp_path / "page.html", viewer)
     assert [p.name for p in tmp_path.iterdir()] == ["page.html"]
 
@@ -299,7 +299,7 @@ def test_nothing_half_written_when_stopped(
     def stopped(*_: object) -> None:
         raise error
 
-    monkeypatch.setattr(Path, "replace", stopped)
+    monkeypatch.setattr("swatchwork.whole.files.os.replace", stopped)
     with pytest.raises(error):
         write_viewer(file, viewer)
     assert list(tmp_path.iterdir()) == [file] and file.read_text() == "before"

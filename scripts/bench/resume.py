@@ -16,7 +16,6 @@ that differ.
 from __future__ import annotations
 
 import argparse
-import hashlib
 import random
 import signal
 import subprocess
@@ -26,21 +25,8 @@ from typing import Any
 
 import scenes
 import shared
+from same_bits import contents, differing
 from shared import results
-
-
-def contents(folder: Path) -> dict[str, str]:
-    """Digest of every file but the report."""
-    files = [path for path in sorted(folder.rglob("*")) if path.is_file() and path.name != "report.html"]
-    return {
-        path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest() for path in files
-    }
-
-
-def differing(folder: Path, whole: dict[str, str]) -> list[str]:
-    """Files that are not the same in both, or in one alone."""
-    found = contents(folder)
-    return sorted(name for name in found | whole if found.get(name) != whole.get(name))
 
 
 def measure(capture: Path, options: list[str], kills: int, seed: int, work: Path) -> dict[str, Any]:

@@ -26,7 +26,7 @@ FLOORS = """
     response
     surface  light  reflectance  material
     capture
-    octahedral
+    octahedral  whole
     arrays  errors  keeping  progress  _native
 """
 """A room may import from the lines below its own, and from nothing else."""

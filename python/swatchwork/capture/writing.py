@@ -15,7 +15,7 @@ from swatchwork.capture.camera import Camera
 from swatchwork.capture.capture import Capture, EnvironmentSource
 from swatchwork.capture.fields import path_within
 from swatchwork.capture.transforms import DISTORTION, FORMAT_VERSION
-from swatchwork.errors import OutputError
+from swatchwork.whole import whole_text
 
 
 def write_capture(capture: Capture, folder: str | os.PathLike[str]) -> Path:
@@ -55,15 +55,7 @@ def write_capture(capture: Capture, folder: str | os.PathLike[str]) -> Path:
             entry["environment"] = _environment_entry(frame.environment, folder)
         document["frames"].append(entry if shared else entry | own)
 
-    partial = file.with_name(file.name + ".partial")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        partial.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
-        partial.replace(file)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise OutputError(f"{file}: cannot be written ({error})") from error
-    return file
+    return whole_text(file, json.dumps(document, indent=1) + "\n")
 
 
 def _relative(path: Path, folder: Path, key: str, *, above: int = 0) -> str:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Swatchwork contributors
 # SPDX-License-Identifier: MIT
-"""The commands, and their exit codes: 0 done, 1 a defect of ours, 2 wrong input, 130 interrupted."""
+"""The commands, and what becomes of their errors; exit codes are in ``stopping``."""
 
 from __future__ import annotations
 
@@ -23,10 +23,12 @@ from .demo import demo
 from .evaluate import evaluate
 from .export import export
 from .info import info
+from .memory import OUT_OF_MEMORY, is_out_of_memory
 from .plan import plan
 from .reconstruct import reconstruct
 from .relight import relight
 from .reproduce import reproduce
+from .stopping import DEFECT, FAILED, INTERRUPTED, Stop
 from .view import view
 
 HELP = """
@@ -44,10 +46,9 @@ swatchwork relight my-material --cameras my-capture/transforms.json -o renders
 
 swatchwork view my-material
 
-[bold]Exit codes:[/bold]  0 done; 1 a defect in swatchwork; 2 wrong input, said in one line; 130 interrupted.
+[bold]Exit codes:[/bold]  0 done; 1 a defect in swatchwork; 2 wrong input, a full disk, too little
+memory, said in one line; 130 interrupted, 143 terminated: the same command goes on.
 """
-
-INTERRUPTED = 130
 
 app = typer.Typer(
     name="swatchwork",
@@ -82,7 +83,7 @@ for command in (reconstruct, relight, view, export, evaluate, plan, analyze, che
 app.add_typer(prepare.app, name="prepare")
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def run(arguments: Sequence[str] | None, stop: Stop) -> int:
     """Run the command line; returns the exit code."""
     try:
         code = typer.main.get_command(app).main(
@@ -93,14 +94,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         code = code if isinstance(code, int) else 0
     except typer.Exit as done:
         code = done.exit_code
-    except (KeyboardInterrupt, typer.Abort):
+    except typer.Abort:
         code = INTERRUPTED
     except SwatchworkError as error:
         stderr().print(f"error: {error}", style="bold red", markup=False, soft_wrap=True)
-        return 2
+        return FAILED
     except BrokenPipeError:
         return 0
     except Exception as error:
+        if stop.by is not None:  # A library made something else of it.
+            raise KeyboardInterrupt from error
+        if is_out_of_memory(error):
+            stderr().print(f"error: {OUT_OF_MEMORY}", style="bold red", markup=False, soft_wrap=True)
+            return FAILED
         if hasattr(error, "show") and hasattr(
             error, "exit_code"
         ):  # a usage error, by typer's or click's name
@@ -108,11 +114,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return int(error.exit_code)
         traceback.print_exc()
         stderr().print("This is a defect in swatchwork, not in your input: please report it.", style="red")
-        return 1
+        return DEFECT
     # Older typers raise on Ctrl-C, newer ones return the code themselves.
     if code == INTERRUPTED:
-        stderr().print(
-            "interrupted; nothing was half-written (reconstruct goes on from what it has finished)",
-            style="yellow",
-        )
+        raise KeyboardInterrupt
     return code

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
-from ..material import whole_folder
+from ..whole import whole_folder
 
 FORMAT = "swatchwork-export"
 HEAD = "export.json"
@@ -45,7 +45,7 @@ def export_folder(folder: str | PathLike[str], target: str) -> Iterator[tuple[Pa
     """A folder to write in that appears when the block ends well, and what its export.json is to say."""
     check_free(folder)
     head: dict[str, Any] = {"format": FORMAT, "target": target, "swatchwork": version("swatchwork")}
-    with whole_folder(folder, replaceable=is_export_folder) as fresh:
+    with whole_folder(folder, is_export_folder, "an export") as fresh:
         yield fresh, head
         write_json(fresh / HEAD, head)
 

@@ -10,9 +10,7 @@ are what 8 bits hold.
 from __future__ import annotations
 
 import json
-import os
 import struct
-from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -23,6 +21,7 @@ from ..arrays import F64, unit
 from ..errors import InputError, OutputError
 from ..keeping import Array
 from ..material import Material
+from ..whole import whole_file
 from .fitting import StandardFit
 from .standard import IOR
 from .surroundings import UP, Up
@@ -95,17 +94,8 @@ def glb_file(path: Path, material: Material, fit: StandardFit, padding: Padding,
     """
     check_glb_free(path)
     content = glb_bytes(material, fit, padding, **how)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        temporary.write_bytes(content)
-        os.replace(temporary, path)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
-    finally:
-        # An error in tidying up must not hide the one above.
-        with suppress(OSError):
-            temporary.unlink(missing_ok=True)
+    with whole_file(path) as made:
+        made.write_bytes(content)
 
 
 def check_glb_free(path: Path) -> None:

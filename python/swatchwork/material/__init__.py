@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: MIT
 """The result: a spatially-varying material and the folder it is kept in (design, section 4)."""
 
-from .folder import SCHEMA_VERSION, is_material_folder, read_material, whole_folder, write_material
+from .folder import SCHEMA_VERSION, is_material_folder, read_material, write_material
 from .maps import LUMINANCE, MaterialMaps, expected_error, material_maps, normal_albedo
 from .material import BasisRecord, Material
 from .trust import LEAST, ErrorModel, confidence_of, dense, features, neighbourhood_of_windows
@@ -24,6 +24,5 @@ __all__ = [
     "neighbourhood_of_windows",
     "normal_albedo",
     "read_material",
-    "whole_folder",
     "write_material",
 ]

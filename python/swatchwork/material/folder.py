@@ -4,14 +4,10 @@
 
 from __future__ import annotations
 
-import errno
 import json
 import math
-import os
-import shutil
-import tempfile
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from dataclasses import asdict
 from os import PathLike
 from pathlib import Path
@@ -20,8 +16,9 @@ from typing import Any
 import numpy as np
 
 from ..capture import exr_in_bands, read_exr_channels
-from ..errors import InputError, OutputError
+from ..errors import InputError
 from ..keeping import Array
+from ..whole import set_aside, whole_folder, write_text
 from .maps import maps_in_bands
 from .material import BasisRecord, Material
 from .obj import read_obj, write_obj
@@ -31,6 +28,8 @@ FORMAT = "swatchwork-material"
 SCHEMA_VERSION = 1
 ROWS = 64
 """Of an image, written at once."""
+READS = 5
+"""Of a folder that other processes replace meanwhile."""
 
 
 def write_material(
@@ -48,11 +47,11 @@ def write_material(
         OutputError: disk full, no permission; nothing of the new folder is left.
     """
     material.check()
-    with whole_folder(folder) as fresh:
+    with whole_folder(folder, is_material_folder, "a material folder") as fresh:
         _write_blend(fresh / "blend.exr", material)
         write_obj(fresh / "mesh.obj", material.vertices, material.faces, material.normals, material.uv)
         _write_maps(fresh / "maps", material)
-        (fresh / "svbrdf.json").write_text(_as_json(material), encoding="utf-8")
+        write_text(fresh / "svbrdf.json", _as_json(material))
         if extra is not None:
             extra(fresh)
 
@@ -60,12 +59,40 @@ def write_material(
 def read_material(folder: str | PathLike[str]) -> Material:
     """Read a folder `write_material` wrote, every number as it was.
 
+    One that another process replaces meanwhile is read again, so that its files are of one material.
+
     Raises:
         InputError: a file is missing or damaged, of another schema version, or the parts disagree.
     """
     folder = Path(folder)
+    for _ in range(READS):
+        before = _identity(folder)
+        try:
+            material = _read(folder)
+        except InputError:
+            if _identity(folder) == before:
+                raise
+        else:
+            if _identity(folder) == before:
+                return material
+    raise InputError("is being replaced again and again", file=folder, expected="a material that stays")
+
+
+def _identity(folder: Path) -> tuple[int, int] | None:
+    try:
+        found = folder.stat()
+    except OSError:
+        return None
+    return found.st_dev, found.st_ino
+
+
+def _read(folder: Path) -> Material:
     if not folder.is_dir():
-        raise InputError("no such folder", file=folder, expected="a material folder")
+        aside = set_aside(folder)
+        hint = f"A run was killed as it replaced it, and the older one is whole in {aside}: rename it back"
+        raise InputError(
+            "no such folder", file=folder, expected="a material folder", hint=hint if aside else None
+        )
     head = _read_json(folder / "svbrdf.json")
     try:
         basis = BasisRecord(
@@ -125,86 +152,6 @@ def is_material_folder(folder: str | PathLike[str]) -> bool:
     except (OSError, ValueError):
         return False
     return isinstance(head, dict) and head.get("format") == FORMAT
-
-
-@contextmanager
-def whole_folder(
-    folder: str | PathLike[str], replaceable: Callable[[Path], bool] = is_material_folder
-) -> Iterator[Path]:
-    """A temporary sibling to write into, which takes the folder's place once the block ends well.
-
-    Raises:
-        InputError: the folder exists, is not empty, and is not ``replaceable``.
-        OutputError: the disk is full, or the place cannot be written. Whatever else the block raises, such
-            as an input that cannot be read, comes through as it is.
-    """
-    folder = Path(folder).absolute()
-    if folder.exists() and not (folder.is_dir() and (not any(folder.iterdir()) or replaceable(folder))):
-        raise InputError(
-            "exists and is not a material folder",
-            file=folder,
-            expected="a new folder, an empty one, or an older material",
-            hint="Nothing was written: choose another name, or move it away",
-        )
-    fresh: Path | None = None
-    in_block = False
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        fresh = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
-        in_block = True
-        yield fresh
-        in_block = False
-        # mkdtemp's folders are private; this one should be as any other.
-        mask = os.umask(0)
-        os.umask(mask)
-        fresh.chmod(0o777 & ~mask)
-        for path in [*sorted(fresh.rglob("*")), fresh]:
-            _sync(path)
-        _swap(fresh, folder)
-    except (OSError, OutputError) as error:
-        if in_block and fresh is not None and not _is_of_writing(error, fresh):
-            raise
-        # Name the folder asked for, not the temporary one.
-        reason = (getattr(error, "strerror", None) or str(error)).replace(str(fresh), str(folder))
-        raise OutputError(
-            f"{folder}: cannot be written ({reason}); what was there before is intact"
-        ) from error
-    finally:
-        if fresh is not None:
-            shutil.rmtree(fresh, ignore_errors=True)
-
-
-def _is_of_writing(error: OSError | OutputError, fresh: Path) -> bool:
-    """Whether an error of the block is about the new folder, and not about something the block reads."""
-    if isinstance(error, OutputError) or error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EROFS):
-        return True
-    if isinstance(error.filename, str | PathLike):
-        return Path(error.filename).is_relative_to(fresh)
-    return error.errno == errno.EACCES
-
-
-def _swap(fresh: Path, folder: Path) -> None:
-    """Rename the new folder into place; the old one steps aside and comes back if that fails."""
-    if not folder.exists():
-        fresh.rename(folder)
-    else:
-        old = folder.with_name(f"{fresh.name}.old")
-        folder.rename(old)
-        try:
-            fresh.rename(folder)
-        except BaseException:
-            old.rename(folder)
-            raise
-        shutil.rmtree(old, ignore_errors=True)
-    _sync(folder.parent)
-
-
-def _sync(path: Path) -> None:
-    handle = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
 
 
 def _write_blend(path: Path, m: Material) -> None:

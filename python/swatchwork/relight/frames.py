@@ -4,7 +4,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path, PurePosixPath
@@ -13,13 +14,13 @@ import numpy as np
 
 from ..arrays import F64
 from ..capture import IMAGE_SUFFIXES, Capture, EnvironmentSource, Frame, write_exr, write_png
-from ..errors import InputError
+from ..errors import InputError, OutputError
 from ..light import Environment, read_environment
 from ..progress import SILENT, Progress
+from ..whole import held, whole_file
 from .preview import display_image
 from .render import render
 from .scene import RelitScene
-from .written import written_whole
 
 
 @dataclass
@@ -95,15 +96,15 @@ def relight(
     # Ask for every light first: a missing one should not come to light after an hour.
     lights = [lighting.of(cameras, frame) for frame in cameras.frames]
     done = []
-    with progress.stage("relight", len(cameras.frames)) as task:
+    with _alone(folder), progress.stage("relight", len(cameras.frames)) as task:
         for frame, name, light in zip(cameras.frames, names, lights, strict=True):
             task.describe(frame.name)
             image = render(scene, frame.camera, light, samples)
             exr, png = folder / f"{name}.exr", folder / f"{name}.png" if previews else None
-            with written_whole(exr) as temporary:
+            with whole_file(exr) as temporary:
                 write_exr(temporary, image)
             if png is not None:
-                with written_whole(png) as temporary:
+                with whole_file(png) as temporary:
                     write_png(temporary, display_image(image, light))
             done.append(RelitFrame(frame.name, exr, png))
             task.advance()
@@ -128,3 +129,14 @@ def output_names(names: Sequence[str]) -> list[str]:
             f"several frames are called {min(repeated)!r}", expected="a file_path of its own for each"
         )
     return whole
+
+
+@contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Two runs into one folder would leave some files of each."""
+    with ExitStack() as stack:
+        try:
+            stack.enter_context(held(folder))
+        except OSError as error:
+            raise OutputError(f"{folder}: cannot be written ({error.strerror})") from error
+        yield

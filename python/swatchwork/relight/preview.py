@@ -16,9 +16,9 @@ from ..capture import Camera
 from ..errors import InputError, OutputError
 from ..light import Environment
 from ..progress import SILENT, Progress
+from ..whole import whole_file
 from .render import render
 from .scene import RelitScene
-from .written import written_whole
 
 GAMMA = 2.2
 
@@ -66,7 +66,7 @@ def turntable(
             shown = display_image(render(scene, turned, environment.rotated(turn), samples), environment)
             pictures.append(_on_grey(shown))
             task.advance()
-    with written_whole(path) as temporary:
+    with whole_file(path) as temporary:
         if path.suffix.lower() == ".gif":
             _write_gif(temporary, pictures, frames_per_s)
         else:

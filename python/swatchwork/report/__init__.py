@@ -4,11 +4,10 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from os import PathLike
 from pathlib import Path
 
-from ..errors import OutputError
+from ..whole import whole_text
 from .curves import curve_plot
 from .html import Html
 from .model import Comparison, Figure, Picture, Report, StageCost, Trial
@@ -52,14 +51,4 @@ def write_sheet(file: str | PathLike[str], sheet: Sheet) -> Path:
 
 
 def _write(file: str | PathLike[str], text: str) -> Path:
-    path = Path(file)
-    partial = path.with_name(path.name + ".partial")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        partial.write_text(text, encoding="utf-8")
-        partial.replace(path)
-    except OSError as error:
-        with suppress(OSError):
-            partial.unlink()
-        raise OutputError(f"{path}: the report could not be written: {error.strerror}") from error
-    return path
+    return whole_text(file, text)

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import json
-import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from ..progress import Task
+from ..whole import whole_text
 from .data import Data
 
 Figures = dict[str, Any]
@@ -96,7 +96,7 @@ class Setting:
             start = time.perf_counter()
             part = {"figures": make()}
             part["seconds"] = time.perf_counter() - start
-            write_whole(file, json.dumps(part))
+            whole_text(file, json.dumps(part))
         self.spent.append(part["seconds"])
         figures: Figures = part["figures"]
         return figures
@@ -119,11 +119,3 @@ class Experiment:
     plots: Callable[[Figures], list[Plot]] = lambda figures: []
     pictures: tuple[tuple[str, str], ...] = ()
     """Files that it writes into ``setting.pictures``, and what each shows."""
-
-
-def write_whole(file: Path, text: str) -> None:
-    """Write a file so that it is there whole or not at all."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    part = file.with_name(file.name + ".part")
-    part.write_text(text, encoding="utf-8")
-    os.replace(part, file)

@@ -16,6 +16,7 @@ from ..arrays import F64, U8, Bool
 from ..capture import write_png
 from ..report import display, heat
 from ..simulate import Pairs
+from ..whole import whole_file
 
 BRIGHT = 0.6
 """Linear value that nine tenths of a picture are below."""
@@ -116,8 +117,8 @@ def write_flat(file: Path, pixels: U8) -> None:
 
 def write_small(file: Path, pixels: U8) -> None:
     """Write a picture [H, W, 3], as JPEG where the name says so: sheets for a page need no lossless bits."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    if file.suffix == ".jpg":
-        Image.fromarray(pixels).save(file, quality=88)
-    else:
-        write_png(file, pixels)
+    with whole_file(file) as made:
+        if file.suffix == ".jpg":
+            Image.fromarray(pixels).save(made, quality=88)
+        else:
+            write_png(made, pixels)

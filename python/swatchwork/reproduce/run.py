@@ -18,9 +18,10 @@ from ..capture import read_capture
 from ..errors import InputError
 from ..progress import SILENT, Progress
 from ..report import curve_plot
+from ..whole import whole_text
 from ..workflow import digest_of_the_package, fingerprints
 from .data import Data
-from .experiment import Claim, Experiment, Figures, Setting, write_whole
+from .experiment import Claim, Experiment, Figures, Setting
 from .fig2 import FIG2
 from .fig4 import FIG4
 from .fig5 import FIG5
@@ -98,7 +99,7 @@ def reproduce(
                 own = replace(setting, task=task, spent=[])
                 figures = experiment.run(own)
                 made = {"code": setting.code, "commit": _commit(), "figures": figures}
-                write_whole(file, json.dumps(made | {"seconds": sum(own.spent)}, indent=1) + "\n")
+                whole_text(file, json.dumps(made | {"seconds": sum(own.spent)}, indent=1) + "\n")
             task.advance(experiment.minutes)
     found = {e.name: f for e in EXPERIMENTS if (f := _readable(e, folder)) is not None}
     for experiment in EXPERIMENTS:
@@ -111,8 +112,8 @@ def reproduce(
                     logarithmic=plot.logarithmic,
                     alone=True,
                 )
-                write_whole(setting.pictures / f"{plot.name}.svg", svg + "\n")
-    write_whole(folder / "reproduction.md", page(EXPERIMENTS, found, setting))
+                whole_text(setting.pictures / f"{plot.name}.svg", svg + "\n")
+    whole_text(folder / "reproduction.md", page(EXPERIMENTS, found, setting))
     claims = tuple(
         (experiment.name, claim)
         for experiment in chosen
@@ -142,7 +143,7 @@ def _agree(setting: Setting) -> None:
     }
     file = setting.folder / "setting.json"
     if not file.exists():
-        write_whole(file, json.dumps(head, indent=1) + "\n")
+        whole_text(file, json.dumps(head, indent=1) + "\n")
         return
     there = json.loads(file.read_text(encoding="utf-8"))
     other = sorted(key for key in head if there.get(key) != head[key])

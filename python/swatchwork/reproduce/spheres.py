@@ -17,6 +17,7 @@ from ..light import Environment
 from ..reflectance import GenericBasis
 from ..response import generic_responses, representative_responses
 from ..simulate import Pairs, Sphere, SphereCapture, nrms, random_directions, visible_pairs
+from ..whole import whole_file
 from .pictures import Disc, comparison
 
 Capture = Callable[[], SphereCapture]
@@ -150,8 +151,8 @@ class Portrait:
 
     def take(self, name: str, found: Recovered, weights: F64) -> None:
         """Keep the look of what a method recovered."""
-        self.folder.mkdir(parents=True, exist_ok=True)
-        np.save(self.folder / f"{name}.npy", rendered(found, weights, self.light, self.pairs))
+        with whole_file(self.folder / f"{name}.npy") as made:
+            np.save(made, rendered(found, weights, self.light, self.pairs))
 
     def show(self, file: Path, names: Mapping[str, str]) -> None:
         """Write truth and portraits (label by name) side by side."""

@@ -8,15 +8,14 @@ import base64
 import hashlib
 import json
 from collections.abc import Iterator
-from contextlib import suppress
 from html import escape
 from importlib.resources import files
 from os import PathLike
 from pathlib import Path
-from secrets import token_hex
 from string import Template
 
-from ..errors import InputError, OutputError
+from ..errors import InputError
+from ..whole import whole_file
 from .packing import pack
 from .scene import ViewerScene
 
@@ -64,20 +63,10 @@ def write_viewer(file: str | PathLike[str], viewer: ViewerScene) -> Path:
         OutputError: the file cannot be written.
     """
     path = Path(file)
-    partial = path.with_name(f".{token_hex(8)}.partial")
     parts = list(_parts(viewer))
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        # Names of files may hold what is no Unicode: surrogates, which UTF-8 has no bytes for.
-        with partial.open("x", encoding="utf-8", errors="replace") as stream:
-            stream.writelines(parts)
-        partial.replace(path)
-    except BaseException as error:
-        with suppress(OSError):
-            partial.unlink()
-        if isinstance(error, OSError):
-            raise OutputError(f"{path}: the viewer could not be written: {error.strerror}") from error
-        raise
+    # Names of files may hold what is no Unicode: surrogates, which UTF-8 has no bytes for.
+    with whole_file(path) as made, made.open("w", encoding="utf-8", errors="replace") as stream:
+        stream.writelines(parts)
     return path
 
 

@@ -2,16 +2,16 @@
 # SPDX-License-Identifier: MIT
 """``OUT.partial``: the finished parts of a run, so that an interrupted one goes on where it was.
 
-Each part is a folder of NumPy arrays that appears whole or not at all, even when the power fails. They
-belong to one set of inputs, options and kernels, named in ``key.json``: a run with another key clears
-them away.
+Each part is a folder of NumPy arrays that appears whole or not at all, even when the power fails; one that
+was damaged since is noticed by its digests and made anew. They belong to one set of inputs, options and
+kernels, named in ``key.json``: a run with another key clears them away.
 """
 
 from __future__ import annotations
 
 import json
-import os
 import shutil
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
@@ -21,16 +21,13 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, OutputError
+from ..errors import CaptureWarning, InputError, OutputError
 from ..keeping import Array, Kept
-
-try:
-    import fcntl
-except ImportError:  # Windows: two runs into one folder are not told apart there.
-    fcntl = None  # type: ignore[assignment]
+from ..whole import place_of, sync, whole_text
+from .digests import damage_of, write_part
+from .run_lock import LOCK, locked
 
 KEY = "key.json"
-LOCK = "lock"
 
 
 @dataclass(frozen=True)
@@ -59,23 +56,24 @@ class Checkpoints:
         Raises:
             OutputError: the part cannot be written; those before it stay.
         """
-        part = self.folder / name
+        part, fresh = self.folder / name, self.folder / f"{name}.fresh"
         if part.is_dir():
-            self.resumed.append(name)
-            return _OnDisk(part)
+            damage = damage_of(part)
+            if damage is None:
+                self.resumed.append(name)
+                return _OnDisk(part)
+            warnings.warn(
+                CaptureWarning(f"{part}: {damage}: damaged since it was finished, and made anew"),
+                stacklevel=2,
+            )
         arrays = make()
-        fresh = self.folder / f"{name}.fresh"
         try:
-            shutil.rmtree(fresh, ignore_errors=True)
-            fresh.mkdir()
-            for key, array in arrays.items():
-                with (fresh / f"{key}.npy").open("wb") as stream:
-                    np.save(stream, array)
-                    stream.flush()
-                    os.fsync(stream.fileno())
-            _sync(fresh)
+            for old in (fresh, part):
+                if old.exists():
+                    shutil.rmtree(old)
+            write_part(fresh, arrays)
             fresh.rename(part)
-            _sync(self.folder)
+            sync(self.folder)
         except OSError as error:
             shutil.rmtree(fresh, ignore_errors=True)
             raise OutputError(
@@ -93,16 +91,20 @@ def checkpoints(output: str | PathLike[str], key: Mapping[str, Any]) -> Iterator
         InputError: another run is writing there.
         OutputError: the place cannot be written.
     """
-    output = Path(output).absolute()
+    output = place_of(output)
     folder = output.with_name(f"{output.name}.partial")
     wanted = json.dumps(key, sort_keys=True, indent=1)
-    with _locked(folder):
+    _refuse_others(folder)
+    with locked(folder):
         if _read(folder / KEY) != wanted:
             try:
                 _clear(folder)
-                _write(folder / KEY, wanted)
+                whole_text(folder / KEY, wanted)
             except OSError as error:
                 raise OutputError(f"{folder}: cannot be written ({error.strerror or error})") from error
+            except OutputError:
+                _remove(folder)
+                raise
         try:
             yield Checkpoints(folder)
         except InputError:
@@ -116,59 +118,24 @@ def checkpoints(output: str | PathLike[str], key: Mapping[str, Any]) -> Iterator
         _remove(folder)
 
 
-@contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    """Hold ``folder``, which is made if need be, against other runs."""
-    try:
-        if (
-            folder.is_dir()
-            and (names := {path.name for path in folder.iterdir()})
-            and not names & {KEY, LOCK}
-        ):
-            raise InputError(
-                f"there is a folder of that name, with {min(names)} in it",
-                file=folder,
-                expected="nothing, or what an interrupted run left there",
-                hint="Move it away, or choose another output folder.",
-            )
-        while True:
-            folder.mkdir(parents=True, exist_ok=True)
-            lock = (folder / LOCK).open("w")
-            if fcntl is None:
-                break
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            # A run that ended in between has removed the file that this one opened.
-            with suppress(FileNotFoundError):
-                if os.fstat(lock.fileno()).st_ino == (folder / LOCK).stat().st_ino:
-                    break
-            lock.close()
-    except BlockingIOError:
+def _refuse_others(folder: Path) -> None:
+    """Raise InputError where a folder of that name is not what a run leaves; it would be cleared away."""
+    names: set[str] = set()
+    with suppress(OSError):  # It may be removed meanwhile, by the run whose it is.
+        names = {path.name for path in folder.iterdir()}
+    if names and not names & {KEY, LOCK}:
         raise InputError(
-            "another run is at work here",
+            f"there is a folder of that name, with {min(names)} in it",
             file=folder,
-            expected="one run at a time for an output",
-            hint="Wait for it, or choose another output folder.",
-        ) from None
-    except OSError as error:
-        raise OutputError(f"{folder}: cannot be written ({error.strerror or error})") from error
-    with lock:
-        yield
+            expected="nothing, or what an interrupted run left there",
+            hint="Move it away, or choose another output folder.",
+        )
 
 
 def _read(file: Path) -> str | None:
     with suppress(OSError, UnicodeDecodeError):
         return file.read_text(encoding="utf-8")
     return None
-
-
-def _write(file: Path, text: str) -> None:
-    fresh = file.with_suffix(".fresh")
-    with fresh.open("w", encoding="utf-8") as stream:
-        stream.write(text)
-        stream.flush()
-        os.fsync(stream.fileno())
-    fresh.replace(file)
-    _sync(file.parent)
 
 
 def _remove(folder: Path) -> None:
@@ -187,12 +154,3 @@ def _clear(folder: Path) -> None:
             shutil.rmtree(path)
         elif path.name != LOCK:
             path.unlink()
-
-
-def _sync(folder: Path) -> None:
-    with suppress(OSError):
-        handle = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)

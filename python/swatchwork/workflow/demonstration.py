@@ -18,12 +18,12 @@ from .. import report as page
 from ..arrays import U8
 from ..capture import read_capture, read_image, read_photograph
 from ..evaluate import Evaluation
-from ..material import whole_folder
 from ..progress import SILENT, Progress
 from ..reconstruct import ReconstructOptions
 from ..relight import Lighting, relight, render
 from ..simulate import satin_materials, simulate_capture
 from ..solve import SolveOptions
+from ..whole import whole_file, whole_folder
 from .costs import CostRecorder
 from .measuring import evaluate_folders
 from .pages import relit
@@ -96,7 +96,7 @@ def run_demo(
     """
     start = time.perf_counter()
     costs = CostRecorder(progress)
-    with whole_folder(folder, replaceable=lambda path: (path / MARKER).is_file()) as fresh:
+    with whole_folder(folder, lambda path: (path / MARKER).is_file(), "an earlier demo") as fresh:
         capture, test = fresh / "capture", fresh / "capture" / "test"
         with costs.stage("make a capture up"):
             simulate_capture(
@@ -196,8 +196,8 @@ def write_picture(file: Path, report: page.Report) -> None:
     for p in pictures:
         padding = height - p.shape[0]
         row += [np.pad(p, ((padding // 2, padding - padding // 2), (0, 0), (0, 0)), constant_values=255), gap]
-    file.parent.mkdir(parents=True, exist_ok=True)
-    Image.fromarray(np.concatenate(row[:-1], axis=1)).save(file, optimize=True)
+    with whole_file(file) as made:
+        Image.fromarray(np.concatenate(row[:-1], axis=1)).save(made, optimize=True)
 
 
 def _on_white(rgba: U8) -> U8:

@@ -5,15 +5,14 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 
 from ..capture import Capture, EnvironmentSource, read_capture, write_capture
-from ..errors import InputError, OutputError
+from ..errors import InputError
 from ..light import read_environment
+from ..whole import whole_file
 
 NAME = "env"
 """Of the copy, with the probe's own ending."""
@@ -62,30 +61,7 @@ def light_capture(capture_folder: str | PathLike[str], light: EnvironmentSource)
         replace(frame, environment=placed) if frame.environment is capture.environment else frame
         for frame in capture.frames
     )
-    with _swapped(light.file, target):
+    # The photographs' file first: killed before the light follows, the same command puts it there.
+    with whole_file(target) as made:
+        shutil.copyfile(light.file, made)
         return write_capture(replace(capture, environment=placed, frames=frames), capture.root)
-
-
-@contextmanager
-def _swapped(source: Path, target: Path) -> Iterator[None]:
-    """``target`` is a copy of ``source``; an error inside puts back what was there before."""
-    partial, earlier = (target.with_name(target.name + ending) for ending in (".partial", ".earlier"))
-    try:
-        shutil.copyfile(source, partial)
-        had = target.exists()
-        if had:
-            shutil.copyfile(target, earlier)
-        partial.replace(target)
-        try:
-            yield
-        except BaseException:
-            if had:
-                earlier.replace(target)
-            else:
-                target.unlink(missing_ok=True)
-            raise
-    except OSError as error:
-        raise OutputError(f"{target}: cannot be written ({error.strerror})") from error
-    finally:
-        partial.unlink(missing_ok=True)
-        earlier.unlink(missing_ok=True)

@@ -17,7 +17,7 @@ import numpy as np
 from ..analysis import Criterion, Plan, Prior, Views, next_best_views, prior_of, uniform_views
 from ..arrays import F64, unit
 from ..capture import Camera, Capture, EnvironmentSource, Frame, read_capture, write_capture, write_exr
-from ..errors import InputError, OutputError
+from ..errors import InputError
 from ..light import Environment, read_environment
 from ..observe import Lights
 from ..progress import SILENT, Progress
@@ -26,6 +26,7 @@ from ..report import Figure, Html, Picture, Section, Sheet, curve_plot, write_sh
 from ..simulate import random_directions
 from ..surface import write_mesh_obj
 from .scenes import NONE, Object, candidate_directions, object_of, overview
+from .together import files_together
 
 CANDIDATES = 150
 POINTS = 600
@@ -149,17 +150,17 @@ def plan_views(
         )
     chosen = [cameras[v] for v in found.chosen]
     folder = Path(output)
-    file = _write(folder, chosen, thing, light)
     others = _others(prior, directions, V, before, len(found.chosen), seed)
-    page = folder / "plan.html"
     taken_directions = unit(np.stack([c.position for c in at_hand]) - thing.centre) if at_hand else NONE
     sheet = _sheet(thing, prior, found, directions, before, taken_directions, others)
-    write_sheet(page, sheet)
+    with files_together(folder, "transforms.json") as made:
+        _write(made, chosen, thing, light)
+        write_sheet(made / "plan.html", sheet)
     finite = tuple(float(c) if np.isfinite(c) else None for c in found.condition)
     reached = None if condition is None else bool(found.condition[-1] <= condition)
     return PlanSummary(
-        str(file),
-        str(page),
+        str(folder / "transforms.json"),
+        str(folder / "plan.html"),
         len(chosen),
         len(at_hand),
         tuple(map(float, found.left)),
@@ -264,22 +265,18 @@ def _like(camera: Camera, other: Camera) -> Camera:
     )
 
 
-def _write(folder: Path, cameras: Sequence[Camera], thing: Object, light: Environment) -> Path:
+def _write(folder: Path, cameras: Sequence[Camera], thing: Object, light: Environment) -> None:
     """The cameras with object and light, so that other commands can go on from them."""
     names = [f"planned/{i + 1:04d}.exr" for i in range(len(cameras))]
     frames = tuple(
         Frame(name, folder / name, None, 1.0, camera, None)
         for name, camera in zip(names, cameras, strict=True)
     )
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"{folder}: cannot be made ({error.strerror})") from error
     mesh = folder / "mesh.obj"
     write_mesh_obj(mesh, thing.scene.meshes[0])
     write_exr(folder / "env.exr", light.radiance)
     source = EnvironmentSource(folder / "env.exr", light.convention, light.world_from_environment)
-    return write_capture(Capture(folder, folder / "transforms.json", mesh, (), source, frames), folder)
+    write_capture(Capture(folder, folder / "transforms.json", mesh, (), source, frames), folder)
 
 
 def _others(

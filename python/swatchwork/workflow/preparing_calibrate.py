@@ -22,7 +22,8 @@ from ..prepare import Board, Calibration, calibrate
 from ..prepare.calibrate import SUFFIXES
 from ..progress import SILENT, Progress
 from ..report.pictures import PALETTE, rgb
-from .together import files_together, write_text
+from ..whole import write_text
+from .together import files_together
 
 PICTURE_PX = 1200
 ARROW_PX = 14.0

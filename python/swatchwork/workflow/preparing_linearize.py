@@ -24,7 +24,8 @@ from ..prepare import Linearized, LinearizeOptions, LinearView, linearize, photo
 from ..prepare.linearize import DEFAULT
 from ..progress import SILENT, Progress
 from ..report import curve_plot, display, exposure_for
-from .together import files_together, write_text
+from ..whole import write_text
+from .together import files_together
 
 MISSING_COLOUR = (235, 60, 200)
 """Of saturated pixels on the contact sheet: nothing photographed looks like it."""
@@ -36,6 +37,7 @@ UNMIXED = "no more light than there was"
 MIXED = (
     "through srgb_from_camera, whose negative entries mean that a colour can read more light than there was"
 )
+
 COLUMNS, CELL_PX, CAPTION_PX = 5, 244, 22
 
 

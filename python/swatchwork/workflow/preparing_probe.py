@@ -31,16 +31,18 @@ from ..prepare.panorama import Mirror, View
 from ..prepare.probe import Probe, probe_of_views
 from ..progress import SILENT, Progress
 from ..report import Sheet, write_sheet
+from ..whole import write_text
 from .lighting import light_capture, lightable
 from .preparing_calibrate import read_intrinsics
 from .probe_page import probe_sheet
-from .together import files_together, write_text
+from .together import files_together
 
 ORTHOGRAPHIC = (
     "No focal length was given: the camera is taken as orthographic, which puts lamps off by up to about the "
     "angle that the ball's radius takes up as seen from the camera (11 degrees at 5 radii) plus that of the "
     "ball from the optical axis."
 )
+
 PROBE = "probe.exr"
 SIZE_TOLERANCE = 0.05
 """By which a ball's stated radius and distance may disagree with its outline."""

@@ -17,7 +17,6 @@ from typing import Any
 from ..capture import Capture, EnvironmentSource, Frame, read_photograph, write_capture
 from ..errors import CaptureWarning, InputError
 from ..light import read_environment
-from ..material import whole_folder
 from ..prepare import Board
 from ..prepare.importing.copying import Lights, bring_mesh, bring_photograph
 from ..prepare.importing.found import Shot
@@ -25,6 +24,7 @@ from ..prepare.registering import Clues, Others, Registered, read_pairs, registe
 from ..progress import SILENT, Progress
 from ..report import write_sheet
 from ..surface import RayScene, write_mesh_obj
+from ..whole import whole_folder
 from .check_shapes import FrameShape, frame_shape
 from .preparing_calibrate import read_intrinsics
 from .register_inputs import object_of, photographs_to_register, read_views
@@ -170,7 +170,7 @@ def register_photographs(
     )
     for words in found.suspicions:
         warnings.warn(CaptureWarning(words), stacklevel=2)
-    with whole_folder(folder, replaceable=lambda _: False) as fresh:
+    with whole_folder(folder, lambda _: False, "empty") as fresh:
         light = Lights(fresh).copied(environment, "env") if environment is not None else None
         frames, shapes = [], []
         with progress.stage("Writing the capture", len(found.frames)) as task:

@@ -22,13 +22,14 @@ from ..analysis import fit_error_model, spread_of_representatives
 from ..arrays import F64
 from ..capture import Capture, read_capture
 from ..errors import CaptureWarning
-from ..material import BasisRecord, ErrorModel, Material, normal_albedo, whole_folder, write_material
+from ..material import BasisRecord, ErrorModel, Material, is_material_folder, normal_albedo, write_material
 from ..progress import SILENT, Progress
 from ..reconstruct import Reconstruction, ReconstructOptions, reconstruct
 from ..report import Report, write_report
 from ..response import instruction_sets
 from ..surface import buffers_of
 from ..viewer import bundled_script, write_viewer
+from ..whole import whole_folder
 from .checkpoints import checkpoints
 from .costs import CostRecorder, StageCost
 from .pages import reconstruction_report, relit
@@ -168,13 +169,13 @@ def recover(
 
 @contextmanager
 def whole_folder_is_free(output: str | PathLike[str]) -> Iterator[None]:
-    """Raise what :func:`material.whole_folder` would raise for ``output``, before anything is computed."""
+    """Raise what :func:`whole.whole_folder` would raise for ``output``, before anything is computed."""
 
     class Untouched(Exception):
         pass
 
     try:
-        with whole_folder(output):
+        with whole_folder(output, is_material_folder, "a material folder"):
             raise Untouched
     except Untouched:
         pass

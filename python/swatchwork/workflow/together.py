@@ -7,9 +7,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from ..errors import InputError, OutputError
+from ..whole import is_of_writing, place_of, reason_of, sibling, sync
 
 
 @contextmanager
@@ -31,32 +31,29 @@ def files_together(
     """
     if folder.exists() and not folder.is_dir():
         raise InputError("is a file", file=folder, expected="a folder to write in")
+    folder = place_of(folder)
+    # Where there is a folder, its parent may be another's.
+    beside = folder / folder.name if folder.is_dir() else folder
+    made: Path | None = None
+    in_block = False
     try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        # Where there is a folder, its parent may be another's.
-        beside = folder if folder.is_dir() else folder.parent
-        made = TemporaryDirectory(prefix=f".{folder.name}.partial-", dir=beside)
-    except OSError as error:
-        raise OutputError(f"{folder}: cannot be written ({error.strerror})") from error
-    with made as name:
-        yield Path(name)
-        try:
+        with sibling(beside, folder=True) as made:
+            in_block = True
+            yield made
+            in_block = False
+            for file in made.iterdir():
+                sync(file)
             folder.mkdir(exist_ok=True)
             if (folder / last).is_file():
-                for stale in {*listed(folder / last)} - {file.name for file in Path(name).iterdir()}:
+                for stale in {*listed(folder / last)} - {file.name for file in made.iterdir()}:
                     # A name alone: nothing outside the folder, whatever the list says.
                     if stale == Path(stale).name and stale not in ("", ".."):
                         (folder / stale).unlink(missing_ok=True)
             (folder / last).unlink(missing_ok=True)
-            for file in sorted(Path(name).iterdir(), key=lambda path: path.name == last):
+            for file in sorted(made.iterdir(), key=lambda path: path.name == last):
                 file.replace(folder / file.name)
-        except OSError as error:
-            raise OutputError(f"{folder}: cannot be written ({error.strerror})") from error
-
-
-def write_text(file: Path, text: str) -> None:
-    """Raises OutputError where it cannot be written."""
-    try:
-        file.write_text(text, encoding="utf-8")
+            sync(folder)
     except OSError as error:
-        raise OutputError(f"{file}: cannot be written ({error.strerror})") from error
+        if in_block and made is not None and not is_of_writing(error, made):
+            raise
+        raise OutputError(f"{folder}: cannot be written ({reason_of(error, made, folder)})") from error

@@ -13,7 +13,6 @@ from typing import Any
 from swatchwork.capture import Capture, EnvironmentSource, read_capture, write_capture
 from swatchwork.capture.images import image_size
 from swatchwork.errors import InputError
-from swatchwork.material import whole_folder
 from swatchwork.prepare.importing import (
     colmap,
     metashape,
@@ -25,6 +24,7 @@ from swatchwork.prepare.importing.copying import Lights, bring_mesh, bring_photo
 from swatchwork.prepare.importing.found import Layout, Request, Shot
 from swatchwork.progress import SILENT, Progress
 from swatchwork.surface import read_mesh
+from swatchwork.whole import whole_folder
 
 LAYOUTS = {
     layout.name: layout
@@ -134,7 +134,7 @@ def import_capture(
         )
     for shot in found.shots:
         _check(shot)
-    with whole_folder(output, replaceable=lambda _: False) as fresh:
+    with whole_folder(output, lambda _: False, "empty") as fresh:
         lights = Lights(fresh)
         common = lights.copied(shared, "env") if shared is not None else None
         frames = []

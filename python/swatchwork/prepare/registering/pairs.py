@@ -19,7 +19,8 @@ from typing import Any
 import numpy as np
 
 from swatchwork.arrays import F64
-from swatchwork.errors import InputError, OutputError
+from swatchwork.errors import InputError
+from swatchwork.whole import whole_text
 
 EXPECTED = '{"mesh": "bunny.obj", "photographs": {"a.exr": [{"uv_px": [u, v], "x_in_mesh": [x, y, z]}, ...]}}'
 
@@ -97,13 +98,8 @@ def write_pairs(file: Path, pairs: Mapping[str, Pairs], mesh: str) -> None:
         ]
         for p in pairs.values()
     }
-    partial = file.with_name(file.name + ".partial")
-    try:
-        text = json.dumps({"mesh": mesh, "photographs": photographs}, indent=1, allow_nan=False)
-        partial.write_text(text + "\n", encoding="utf-8")
-        partial.replace(file)
-    except OSError as error:
-        raise OutputError(f"{file}: cannot be written ({error.strerror})") from error
+    text = json.dumps({"mesh": mesh, "photographs": photographs}, indent=1, allow_nan=False)
+    whole_text(file, text + "\n")
 
 
 def _once(file: Path) -> Any:

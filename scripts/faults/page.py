@@ -1,0 +1,36 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""The part "Faults" of docs/reliability.md, from the figures."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import shared
+from shared import results
+
+sys.path.append(str(shared.HERE.parent))
+import reliability
+
+NOTES = (shared.HERE / "notes.md").read_text(encoding="utf-8")
+
+
+def write(file: Path, found: dict[str, Any]) -> None:
+    """Put the part on the page."""
+    lines = ["| fault | times | found afterwards | verdict | commit |", "|---|---|---|---|---|"]
+    for figures in found.values():
+        lines += [
+            f"| {row['fault']} | {row['times']} | {row['found']} "
+            f"| {'holds' if row['holds'] else '**fails**'} | {figures['commit']} |"
+            for row in figures["rows"]
+        ]
+    head = (
+        "## Faults\n\nMade by `make faults` (`"
+        + results.command()
+        + "`), each on the real command line in a "
+    )
+    head += "process of its own; one alone: `python scripts/faults/run.py --only NAME`, where NAME is "
+    head += ", ".join(f"`{name}`" for name in found) + "."
+    reliability.put(file, "faults", "\n".join([head, "", *lines, "", NOTES.strip()]))
