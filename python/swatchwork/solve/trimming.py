@@ -25,7 +25,14 @@ MEDIAN = 1.538
 """Median length of a vector of three standard normal numbers."""
 HYPOTHESES = 15
 """Pairs of views that are tried: all of six views."""
+LEAST_SCALE = 1e-4
+"""Responses of 32 bits leave no less."""
 REFITS = 3
+ROUNDS = 4
+"""In which scale and blends settle: at twice the true scale half the outliers are missed, and the scale of the
+rest is nearly right."""
+STANDS = 0.02
+"""Relative change of the scale that is none."""
 ROWS_AT_ONCE = 1 << 16
 """Measured rows of hypotheses at once; a row of N responses takes 12 N bytes."""
 
@@ -41,6 +48,13 @@ class Trimmed:
     """[P] lengths of the residuals over what `expected` gives."""
     agreed: Bool
     """[M] whether more than half of a texel's views were."""
+    scale: float
+    """By which that was decided."""
+
+    @property
+    def settled(self) -> float:
+        """The scale of what was kept."""
+        return spread(self.deviation[self.kept])
 
 
 def expected(radiance: F32, offsets: I64) -> F64:
@@ -68,10 +82,9 @@ def deviations(fitted: F64, radiance: F32, scale: F64) -> F64:
     return np.asarray(np.sqrt(((fitted - radiance) ** 2).sum(axis=1)) / scale)
 
 
-def spread(deviation: F64, kept: Bool | None = None) -> float:
+def spread(deviation: F64) -> float:
     """The scale of deviations [P]: of normal ones, their standard deviation in each channel."""
-    of = deviation if kept is None or not kept.any() else deviation[kept]
-    return float(np.median(of)) / MEDIAN
+    return max(float(np.median(deviation)) / MEDIAN, LEAST_SCALE)
 
 
 def trimmed_blend(
@@ -112,7 +125,34 @@ def trimmed_blend(
             break
         kept = within
     share = np.add.reduceat(deviation <= BOUND * scale, offsets[:-1]) / views
-    return Trimmed(blend, kept, deviation, share > 0.5)
+    return Trimmed(blend, kept, deviation, share > 0.5, scale)
+
+
+def settled_blend(
+    responses: F32,
+    radiance: F32,
+    offsets: I64,
+    n: int,
+    scale: float | None = None,
+    *,
+    search: Search = "exact",
+    seed: int = 0,
+) -> Trimmed:
+    """As ``trimmed_blend``, by the scale of what it keeps itself.
+
+    Args:
+        scale: to begin with, and fall from; that of the plain blends by default.
+    """
+    if scale is None:
+        every = np.ones(len(radiance), dtype=bool)
+        size = expected(radiance, offsets)
+        scale = spread(_refitted(responses, radiance, offsets, size, every, n, search, seed)[1])
+    for _ in range(ROUNDS):
+        found = trimmed_blend(responses, radiance, offsets, n, scale, search=search, seed=seed)
+        before, scale = scale, found.settled
+        if abs(scale - before) <= STANDS * before:
+            break
+    return found
 
 
 def _subsets(k: int, rng: np.random.Generator) -> I64:
@@ -140,10 +180,8 @@ def _consensus(
     found = sparse_blend(
         responses[:, subsets].reshape(-1, N, 3), radiance[:, subsets].reshape(-1, 3), offsets, n, search=search
     )
-    weights = np.zeros((T * H, N), dtype=np.float32)
-    for slot in range(found.index.shape[1]):
-        weights[np.arange(T * H), found.index[:, slot]] += found.weight[:, slot]
-    fitted = np.einsum("thn,tknc->thkc", weights.reshape(T, H, N), responses, optimize=True)
+    weights = found.dense(N).reshape(T, H, N)
+    fitted = np.einsum("thn,tknc->thkc", weights, responses, optimize=True)
     squared = ((fitted - radiance[:, None]) ** 2).sum(axis=-1) / (scale * size[:, None]) ** 2
     best = np.minimum(squared, BOUND**2).sum(axis=-1).argmin(axis=1)
     return np.asarray(squared[np.arange(T), best] <= BOUND**2)
