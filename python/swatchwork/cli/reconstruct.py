@@ -137,6 +137,15 @@ def reconstruct(
             rich_help_panel=SEARCH,
         ),
     ] = Weighting.projected,
+    robust: Annotated[
+        bool,
+        typer.Option(
+            "--robust/--no-robust",
+            help="Leave out measurements that contradict those of the same point in other photographs, "
+            "where there are any.",
+            rich_help_panel=SEARCH,
+        ),
+    ] = True,
     texels: Annotated[
         int,
         typer.Option(
@@ -193,6 +202,7 @@ def reconstruct(
         lambda1=lambda1,
         search=search.value,
         search_order=search_order.value,
+        robust=robust,
         seed=seed,
     )
     options = ReconstructOptions(resolution, basis.value, texels, solve, weighting.value, memory)

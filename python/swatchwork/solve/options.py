@@ -40,6 +40,8 @@ class SolveOptions:
     """Relative decrease an alternation below which the alternation has converged (design section 3)."""
     max_alternations: int = 600
     """Most alternations for one (n, N)."""
+    robust: bool = True
+    """Leave outliers out where there are any (``solve_robustly``); section 4's order never does."""
     seed: int = 0
     """Of the texels that the search runs on, and of the sample that the pruned blend search starts from."""
 

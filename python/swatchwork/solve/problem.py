@@ -90,7 +90,7 @@ class Problem:
         return Problem(self.responses[pairs], self.radiance[pairs], offsets, self.share[kept], self.albedo)
 
     def part(self, kept: Bool, texels: Bool) -> Problem:
-        """The same problem without the measurements and texels that ``kept`` [P] and ``texels`` [M] leave out.
+        """The same problem on some of its measurements, ``kept`` [P], and texels, ``texels`` [M].
 
         Raises:
             InputError: a texel would be left without measurements.
@@ -105,7 +105,7 @@ class Problem:
         )
 
     def weighted(self, weight: F64, share: F64) -> Problem:
-        """The same problem, its measurements weighted by ``weight`` [P] and its texels by ``share`` [M] too."""
+        """The same problem, measurements weighted by ``weight`` [P], texels by ``share`` [M] too."""
         root = np.sqrt(weight).astype(np.float32)
         share = self.share * share
         return Problem(

@@ -24,14 +24,18 @@ from .problem import Problem
 from .robust_start import robust_start
 from .search import resume, solve
 from .solution import Outliers, Solution
-from .trimming import BOUND, Trimmed, settled_blend
+from .trimming import Trimmed, settled_blend
 
-SUSPICIOUS = 0.12
-"""Share of the measurements beyond the bound from which outliers are there."""
-FAR = 2.0
-"""Times the bound that counts as far,"""
-FAR_SUSPICIOUS = 0.03
-"""and the share beyond that which is as suspicious."""
+FAR = 24.0
+"""Times the scale that counts as far off."""
+SOME_FAR = 0.02
+"""Share of the measurements far off, and"""
+MOST_OF_THEM = 0.37
+"""share of those beyond the bound, from which outliers are there. What clean captures leave tails off: a fifth to
+a third of what is beyond the bound (8 to 15 % of the measurements) is four times as far."""
+UNEXPLAINED = 0.06
+"""Relative misfit at the typical texel that asks for a look: a solution spoilt by outliers leaves nothing to
+tell them by."""
 LOOKED_AT = 1000
 """Texels of which that is asked."""
 DECISIONS = 2
@@ -49,12 +53,12 @@ def solve_robustly(
     """
     options = options or SolveOptions()
     plain = solve(problem, options, progress)
-    if not suspicious(problem, plain, options):
+    if not options.robust or options.search_order == "paper" or not suspicious(problem, plain, options):
         return plain
     with progress.stage("outliers"):
         start = robust_start(problem, options)
         trimmed = _trimmed(problem, *start, options)
-    if not _beyond(trimmed) or not trimmed.agreed.any():
+    if not _far(trimmed) or not trimmed.agreed.any():
         return plain
     solution = solve(problem.part(trimmed.kept, trimmed.agreed), options, progress)
     for _ in range(DECISIONS):
@@ -65,10 +69,12 @@ def solve_robustly(
 
 def suspicious(problem: Problem, solution: Solution, options: SolveOptions) -> bool:
     """Whether a solution leaves more measurements far behind than it does in clean captures."""
+    if solution.noise > UNEXPLAINED:
+        return True
     few = np.zeros(problem.texels, dtype=bool)
     few[:: -(-problem.texels // LOOKED_AT)] = True
     rows = np.repeat(few, np.diff(problem.offsets))
-    return _beyond(
+    return _far(
         settled_blend(
             problem.fold(solution.representatives)[rows],
             problem.radiance[rows],
@@ -85,9 +91,10 @@ def offsets_of(problem: Problem, texels: np.ndarray) -> I64:
     return np.concatenate([[0], np.cumsum(np.diff(problem.offsets)[texels])]).astype(np.int64)
 
 
-def _beyond(trimmed: Trimmed) -> bool:
-    far = (trimmed.deviation > FAR * BOUND * trimmed.settled).mean()
-    return bool((~trimmed.kept).mean() > SUSPICIOUS or far > FAR_SUSPICIOUS)
+def _far(trimmed: Trimmed) -> bool:
+    """Whether what is beyond the bound is far beyond it: outliers, and not the tail of a clean capture."""
+    far, out = (trimmed.deviation > FAR * trimmed.settled).mean(), (~trimmed.kept).mean()
+    return bool(far > max(SOME_FAR, MOST_OF_THEM * out))
 
 
 def _trimmed(problem: Problem, representatives: F64, n: int, scale: float, options: SolveOptions) -> Trimmed:

@@ -41,23 +41,29 @@ PATIENCE = 2
 
 
 def robust_start(problem: Problem, options: SolveOptions) -> tuple[F64, int, float]:
-    """Representatives [N, J, 3], how many to blend, and the scale of what the measurements they explain leave."""
+    """Representatives [N, J, 3], how many to blend, and the scale of what they leave."""
     whole = problem.thinned(TEXELS)
     energy = (whole.radiance.astype(np.float64) ** 2).sum(axis=1)
     texel = np.repeat(np.arange(whole.texels), np.diff(whole.offsets))
     weight = np.where(energy > BRIGHT * medians(energy, whole.offsets)[texel], OUT, 1.0)
     part = whole.weighted(weight, np.ones(whole.texels))
-    model, scale = moves.start(part, 1, options), None
+    model = moves.start(part, 1, options)
+    scale = settled_blend(whole.fold(model.representatives), whole.radiance, whole.offsets, 1).settled
     best, in_vain, most = np.inf, 0, options.N or min(MOST, options.max_N)
     for N in range(1, most + 1):
         n = min(options.n or min(BLENDED, options.max_n), N)
         if N > 1:
             model = moves.grow(part, model, n, options)
         for _ in range(ROUNDS):
-            folded = whole.fold(model.representatives)
-            given = folded, whole.radiance, whole.offsets, n
-            how = {"search": options.search, "seed": options.seed}
-            trimmed = settled_blend(*given, **how) if scale is None else trimmed_blend(*given, scale, **how)
+            trimmed = trimmed_blend(
+                whole.fold(model.representatives),
+                whole.radiance,
+                whole.offsets,
+                n,
+                scale,
+                search=options.search,
+                seed=options.seed,
+            )
             scale = trimmed.settled
             weight, share = _weights(trimmed, scale, texel)
             part = whole.weighted(weight, share)
@@ -66,7 +72,6 @@ def robust_start(problem: Problem, options: SolveOptions) -> tuple[F64, int, flo
         best = min(best, scale)
         if in_vain == PATIENCE and options.N is None:
             break
-    assert scale is not None
     return model.representatives, n, scale
 
 

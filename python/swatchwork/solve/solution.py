@@ -37,7 +37,7 @@ class Outliers:
     """What was left out of a solution as outliers."""
 
     scale: float
-    """Of what is kept: a measurement more than ``BOUND`` times this share of its expected radiance off is out."""
+    """Of what is kept; a measurement further off than ``BOUND`` times that is out (``trimming.py``)."""
     left_out: float
     """Share of the measurements of the problem's texels."""
     undecided: float

@@ -29,8 +29,7 @@ LEAST_SCALE = 1e-4
 """Responses of 32 bits leave no less."""
 REFITS = 3
 ROUNDS = 4
-"""In which scale and blends settle: at twice the true scale half the outliers are missed, and the scale of the
-rest is nearly right."""
+"""In which scale and blends settle."""
 STANDS = 0.02
 """Relative change of the scale that is none."""
 ROWS_AT_ONCE = 1 << 16
@@ -52,6 +51,11 @@ class Trimmed:
     """By which that was decided."""
 
     @property
+    def bound(self) -> float:
+        """The largest deviation that is kept."""
+        return BOUND * self.scale
+
+    @property
     def settled(self) -> float:
         """The scale of what was kept."""
         return spread(self.deviation[self.kept])
@@ -68,7 +72,8 @@ def expected(radiance: F32, offsets: I64) -> F64:
     energy = (radiance.astype(np.float64) ** 2).sum(axis=1)
     typical = np.repeat(medians(energy, offsets), np.diff(offsets))
     floor = 1e-4 * float(np.median(energy)) + 1e-30
-    return np.sqrt(np.maximum(0.5 * np.minimum(energy, 4 * typical) + 0.5 * typical, floor))
+    counted = 0.5 * np.minimum(energy, 4 * typical) + 0.5 * typical
+    return np.asarray(np.sqrt(np.maximum(counted, floor)))
 
 
 def medians(values: F64, offsets: I64) -> F64:
@@ -114,7 +119,7 @@ def trimmed_blend(
         step = max(1, ROWS_AT_ONCE // (len(subsets) * max(int(k), 2)))
         for texels in _runs(np.flatnonzero(views == k), step):
             rows = offsets[texels][:, None] + np.arange(k)
-            part = responses[rows], radiance[rows].astype(np.float64), size[rows]
+            part = responses[rows], radiance[rows], size[rows]
             kept[rows] = _consensus(*part, subsets, n, scale, search)
     for _ in range(REFITS):
         blend, deviation = _refitted(responses, radiance, offsets, size, kept, n, search, seed)
@@ -171,14 +176,18 @@ def _runs(texels: I64, step: int) -> Iterator[I64]:
 
 
 def _consensus(
-    responses: F32, radiance: F64, size: F64, subsets: I64, n: int, scale: float, search: Search
+    responses: F32, radiance: F32, size: F64, subsets: I64, n: int, scale: float, search: Search
 ) -> Bool:
     """Which views [T, k] agree with the best hypothesis: the least sum of squares cut off at the bound."""
     T, _, N, _ = responses.shape
     H = len(subsets)
     offsets = np.arange(T * H + 1, dtype=np.int64) * subsets.shape[1]
     found = sparse_blend(
-        responses[:, subsets].reshape(-1, N, 3), radiance[:, subsets].reshape(-1, 3), offsets, n, search=search
+        responses[:, subsets].reshape(-1, N, 3),
+        radiance[:, subsets].reshape(-1, 3),
+        offsets,
+        n,
+        search=search,
     )
     weights = found.dense(N).reshape(T, H, N)
     fitted = np.einsum("thn,tknc->thkc", weights, responses, optimize=True)
@@ -192,7 +201,9 @@ def _refitted(
 ) -> tuple[SparseBlend, F64]:
     """Blends of the kept measurements, and the deviations [P] of all."""
     on = kept.astype(np.float32)
-    found = sparse_blend(responses * on[:, None, None], radiance * on[:, None], offsets, n, search=search, seed=seed)
+    found = sparse_blend(
+        responses * on[:, None, None], radiance * on[:, None], offsets, n, search=search, seed=seed
+    )
     texel = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
     fitted = np.zeros(radiance.shape)
     for slot in range(found.index.shape[1]):

@@ -21,7 +21,7 @@ from ..keeping import IN_MEMORY, Keeper
 from ..observe import Rendering, stratified
 from ..progress import SILENT, Progress
 from ..reflectance import GenericBasis
-from ..solve import Penalties, Problem, Solution, SolveOptions, resume, solve, sparse_blend
+from ..solve import Penalties, Problem, Solution, SolveOptions, resume, solve_robustly, sparse_blend
 from .budget import Budget
 
 SURVEYED = 5
@@ -74,12 +74,13 @@ def solve_on_subset(
         with progress.stage("respond"):
             problem = _problem(rendering, basis, subset)
         with progress.stage("solve"):
-            return solve(problem, options, progress)
+            return solve_robustly(problem, options, progress)
 
     solution = Solution.of(keeper.kept("solve", lambda: first().arrays()))
     # Section 4's order is that of all its texels together: nothing is grown on afterwards.
     for turn in range(1, ROUNDS + 1 if options.search_order == "default" else 1):
-        if len(subset.texels) == len(rendering.observations.seen):
+        # Nor where there are outliers: what no representative explains is what they look like.
+        if len(subset.texels) == len(rendering.observations.seen) or solution.outliers is not None:
             break
         with progress.stage("survey"):
             larger = _surveyed(rendering, basis, subset, solution, texels, options, budget, turn)
