@@ -32,7 +32,7 @@ NEIGHBOURS = 4
 class TexelBlend:
     """The blend of every texel, as images over the atlas.
 
-    A texel that no view sees, or whose views contradict one another, takes the blend of the nearest other one,
+    A texel that no view sees, or whose views contradict one another, takes the blend of the nearest other,
     a pixel of the gutter that of its nearest texel. They are images from the start, for a second copy of them
     would be most of a large atlas's memory.
     """
