@@ -53,7 +53,7 @@ def solve_robustly(
     """
     options = options or SolveOptions()
     plain = solve(problem, options, progress)
-    if not options.robust or options.search_order == "paper" or not suspicious(problem, plain, options):
+    if not options.robustly or not suspicious(problem, plain, options):
         return plain
     with progress.stage("outliers"):
         start = robust_start(problem, options)

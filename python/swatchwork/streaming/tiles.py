@@ -47,8 +47,18 @@ class TexelBlend:
     """[H, W] the texel at each pixel, in the gutter the nearest one."""
     undecided: I64 = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     """Texels that views see whose measurements contradict one another: filled as if unseen."""
-    left_out: F64 | None = None
-    """[k] share of each frame's measurements that were left out as outliers; None where none were found."""
+    counts: I64 | None = None
+    """[2, k] each frame's measurements, and how many of them were left out; None without outliers."""
+
+    @property
+    def left_out(self) -> float:
+        """Share of the measurements that were left out as outliers."""
+        return 0.0 if self.counts is None else float(self.counts[1].sum() / self.counts[0].sum())
+
+    @property
+    def left_out_by_frame(self) -> F64 | None:
+        """[k] the same of each frame; None where no outliers were found."""
+        return None if self.counts is None else self.counts[1] / np.maximum(self.counts[0], 1)
 
 
 def blend_every_texel(
@@ -94,7 +104,7 @@ def blend_every_texel(
         residual.reshape(size, size),
         padded(atlas),
         seen[~decided[seen]].astype(np.int64),
-        None if solution.outliers is None else counts[1] / np.maximum(counts[0], 1),
+        None if solution.outliers is None else counts,
     )
     for image in (blend.index, blend.weight):
         fill_gutter(image, atlas, blend.texel_of_pixel)

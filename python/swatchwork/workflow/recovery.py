@@ -267,7 +267,7 @@ def warn_of_bright_materials(material: Material, capture: Capture) -> None:
 
 def left_out_by_frame(found: Reconstruction) -> dict[str, Any]:
     """For svbrdf.json: the share of each frame's measurements left out, where outliers were found."""
-    shares = found.blend.left_out
+    shares = found.blend.left_out_by_frame
     return {} if shares is None else {"left_out_by_frame": [round(float(share), 4) for share in shares]}
 
 
@@ -277,7 +277,7 @@ def warn_of_outliers(found: Reconstruction, capture: Capture) -> None:
     Warns:
         CaptureWarning: outliers were found.
     """
-    shares = found.blend.left_out
+    shares = found.blend.left_out_by_frame
     if shares is None:
         return
     each = ", ".join(
@@ -357,18 +357,10 @@ def summarise(
         misfit=float(np.sqrt(np.mean(np.square(residual), dtype=np.float64))),
         lambda0=float(found.solution.lambda0),
         lambda1=float(found.solution.lambda1),
-        left_out=_left_out(found),
+        left_out=found.blend.left_out,
         undecided=len(found.blend.undecided),
         seconds=time.perf_counter() - start,
         peak_mb=max((cost.peak_mb for cost in costs), default=0.0),
         resumed=resumed,
         stages=tuple(costs),
     )
-
-
-def _left_out(found: Reconstruction) -> float:
-    """Share of all measurements left out, from each frame's."""
-    if found.blend.left_out is None:
-        return 0.0
-    measured = [len(kept.rows("texel")) for kept in found.observations.samples]
-    return float(np.average(found.blend.left_out, weights=measured))
