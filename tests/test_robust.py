@@ -87,11 +87,12 @@ def test_outliers_are_found_and_left_out(sphere: SyntheticProblem) -> None:
     trimmed = trimmed_blend(
         problem.fold(robust.representatives), problem.radiance, problem.offsets, 2, robust.outliers.scale
     )
-    # Where a majority agrees: of one or two views none can be outvoted. Colours may be near the truth by chance.
+    # Where a majority agrees: of two views none can be outvoted. Colours may be near the truth by chance, and
+    # fits of clean data have 2 to 5 % beyond the bound (trimming.py).
     told = np.repeat(trimmed.agreed, np.diff(problem.offsets))
     flagged, out = ~trimmed.kept & told, out & told
     assert (flagged & out).sum() > 0.9 * out.sum()
-    assert (flagged & out).sum() > 0.9 * flagged.sum()
+    assert (flagged & ~out).sum() < 0.05 * (told & ~out).sum()
     # Representatives and blends of texels that were decided; what undecided ones take is the atlas' matter.
     seen = ~np.isnan(robust.relative_error)
     assert seen.mean() > 0.75
