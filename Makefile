@@ -81,6 +81,7 @@ validate: setup ## measure exactness, blends, captures, photographs (hours); wri
 	$(BIN)/python scripts/measure/exactness.py --captures $(CAPTURES) --json $(FIGURES)/exactness.json
 	$(BIN)/python scripts/measure/two_of_four.py --data $(DATA) --json $(FIGURES)/two_of_four.json
 	$(BIN)/python scripts/measure/two_of_four.py --data $(DATA) --search-order paper --seeds 1 --only 0 3 --json $(FIGURES)/two_of_four-paper-order.json
+	$(BIN)/python scripts/measure/robust.py --data $(DATA) --json $(FIGURES)/robust.json
 	$(BIN)/python scripts/measure/shadows.py --captures $(CAPTURES) --json $(FIGURES)/shadows.json
 	$(BIN)/python scripts/measure/captures.py --captures $(CAPTURES) --json $(FIGURES)/captures.json
 	$(BIN)/python scripts/measure/planning.py --json $(FIGURES)/planning.json

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from .capture import Capture
 from .errors import InputError
 from .keeping import IN_MEMORY, Array, Keeper
-from .observe import Lights, Observations, Rendering, Weighting, observe
+from .observe import Lights, NoiseModel, Observations, Rendering, Weighting, observe
 from .progress import SILENT, Progress
 from .reflectance import GenericBasis, basis_by_name
 from .solve import Solution, SolveOptions
@@ -40,6 +40,8 @@ class ReconstructOptions:
     solve: SolveOptions = field(default_factory=SolveOptions)
     weighting: Weighting = "projected"
     """Weights of measurements: by projected area, or `equal` as in the paper's Eq. 5."""
+    noise: NoiseModel | None = None
+    """Of the photographs; None: estimated from them."""
     memory: float = 2.0
     """GB that the search and the tiles may take beside atlas and photograph, about."""
 
@@ -78,7 +80,7 @@ def reconstruct(
         atlas = build_atlas(mesh, resolution)
         sky = shadows_of(scene, atlas, progress, keeper)
     with progress.stage("observe"):
-        observations = observe(capture, atlas, scene, progress=progress, keeper=keeper)
+        observations = observe(capture, atlas, scene, progress=progress, keeper=keeper, noise=options.noise)
         rendering = Rendering(observations, Lights.of_capture(capture), sky, options.weighting)
     solution = solve_on_subset(rendering, basis, options.texels, options.solve, budget, progress, keeper)
     with progress.stage("blend"):

@@ -4,9 +4,8 @@
 
     python scripts/measure/page.py --figures target/validation --page docs/validation.md
 
-Reads forward_model.json, exactness.json, two_of_four*.json, shadows.json, captures.json, planning.json,
-confidence.json, silhouettes.json, photographs.json, viewer.json and exports.json, whichever are there. Every
-verdict is computed from them against the bounds below; the page names command and commit of each figure.
+Reads the .json of each of SECTIONS, whichever are there. Every verdict is computed from them against the bounds
+below; the page names command and commit of each figure.
 """
 
 from __future__ import annotations
@@ -23,6 +22,7 @@ import exports
 import photographs_page
 import planning
 import results
+import robust_page
 import shadows
 import silhouettes
 import two_of_four
@@ -338,6 +338,7 @@ SECTIONS: dict[str, tuple[str, Callable[[Figures], str]]] = {
     "exactness": ("Exactness", exactness_section),
     "two_of_four": ("Two of four materials", two_of_four_section),
     "two_of_four-paper-order": ("Two of four materials, in the paper's search order", two_of_four_section),
+    "robust": ("Robust fit", robust_page.section),
     "shadows": ("Shared shadows", shadows_section),
     "captures": ("Captures of measured materials", captures_section),
     "planning": ("Planned views", planning_section),

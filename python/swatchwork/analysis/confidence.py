@@ -10,10 +10,10 @@ import numpy as np
 
 from ..arrays import DARK, F32, F64, I64
 from ..material import LEAST, ErrorModel, dense, features, neighbourhood_of_windows
-from ..observe import Rendering, stratified
+from ..observe import Pairs, Rendering, stratified
 from ..reflectance import GenericBasis
 from ..solve import Solution, sparse_blend
-from ..streaming import TexelBlend
+from ..streaming import TexelBlend, agreement, only
 
 HELD_OUT_TEXELS = 6000
 ROUNDS = 2
@@ -58,19 +58,26 @@ def fit_error_model(
     gram = np.zeros((N, N))
     pairs_seen = 0
     for tile in rendering.tiles(sample, PAIRS_AT_ONCE):
-        pairs = rendering.pairs(tile)
-        responses = rendering.representatives(basis, solution.representatives, pairs)
+        pairs, responses = _told(rendering, basis, solution, tile, seed)
+        if not len(pairs.seen):
+            continue
         gram += np.einsum("pnc,pmc->nm", responses, responses, optimize=True, dtype=np.float64)
         pairs_seen += len(responses)
         floor = DARK**2 * observations.typical
         for _ in range(ROUNDS):
-            parts.append(_without_one(tile, responses, pairs.radiance, pairs.offsets, solution.n, floor, rng))
+            parts.append(
+                _without_one(
+                    pairs.seen.texels, responses, pairs.radiance, pairs.offsets, solution.n, floor, rng
+                )
+            )
     appearance = _root(gram / max(pairs_seen, 1))
     size = atlas.resolution
     coverage = np.full(size * size, -1, np.int32)
     coverage[atlas.pixel] = observations.coverage
     image = coverage.reshape(size, size)
     found = [_features(p, appearance, blend, image, atlas.pixel[p.texel], solution.n) for p in parts]
+    if sum(len(part.texel) for part in parts) < ROUNDS * 10 * (6 + N):
+        return None
     x, error = np.concatenate(found), np.concatenate([part.error for part in parts])
     return _fitted(x, error, appearance)
 
@@ -125,6 +132,19 @@ def spread_of_representatives(
             size += float(kernels[used] @ of_used @ kernels[used])
         found[i] = np.sqrt(squared / size) if size > 0 else 0.0
     return found
+
+
+def _told(
+    rendering: Rendering, basis: GenericBasis, solution: Solution, tile: I64, seed: int
+) -> tuple[Pairs, F32]:
+    """The pairs of texels with two views or more, outliers aside, and their responses."""
+    if solution.outliers is None:
+        pairs = rendering.pairs(tile)
+        return pairs, rendering.representatives(basis, solution.representatives, pairs)
+    found = agreement(rendering, basis, solution, tile, "exact", seed)
+    views = np.add.reduceat(found.trimmed.kept, found.pairs.offsets[:-1], dtype=np.int64)
+    kept = found.trimmed.kept & np.repeat(found.decided & (views >= 2), np.diff(found.pairs.offsets))
+    return only(found.pairs, kept), found.responses[kept]
 
 
 def _without_one(

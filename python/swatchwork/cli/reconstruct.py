@@ -137,6 +137,25 @@ def reconstruct(
             rich_help_panel=SEARCH,
         ),
     ] = Weighting.projected,
+    robust: Annotated[
+        bool,
+        typer.Option(
+            "--robust/--no-robust",
+            help="Leave out measurements that contradict those of the same point in other photographs, "
+            "where there are any.",
+            rich_help_panel=SEARCH,
+        ),
+    ] = True,
+    noise: Annotated[
+        str | None,
+        typer.Option(
+            metavar="READ,GAIN",
+            help="Noise of the photographs: a radiance L has variance READ^2 + GAIN L. Points that are "
+            "mostly noise count less.",
+            show_default="estimated from the photographs",
+            rich_help_panel=SEARCH,
+        ),
+    ] = None,
     texels: Annotated[
         int,
         typer.Option(
@@ -182,7 +201,7 @@ def reconstruct(
     if n is not None and N is not None and n > N:
         raise InputError(f"--n is {n} and --N is {N}", expected="n no larger than N")
     use_threads(threads)
-    from ..workflow import ReconstructOptions, SolveOptions, reconstruct_folder
+    from ..workflow import NoiseModel, ReconstructOptions, SolveOptions, reconstruct_folder
 
     solve = SolveOptions(
         n=n,
@@ -193,9 +212,11 @@ def reconstruct(
         lambda1=lambda1,
         search=search.value,
         search_order=search_order.value,
+        robust=robust,
         seed=seed,
     )
-    options = ReconstructOptions(resolution, basis.value, texels, solve, weighting.value, memory)
+    given = None if noise is None else NoiseModel(*_pair(noise))
+    options = ReconstructOptions(resolution, basis.value, texels, solve, weighting.value, given, memory)
     with session(as_json=as_json, quiet=quiet, verbose=verbose) as run:
         summary = reconstruct_folder(
             capture, output, options, views=views, viewer=viewer, progress=run.progress
@@ -203,3 +224,15 @@ def reconstruct(
         run.say(summary.in_words())
         run.say(f"Open {output / 'report.html'}" + (f", or {output / 'viewer.html'}" if viewer else ""))
         run.result(summary.as_dict())
+
+
+def _pair(text: str) -> tuple[float, float]:
+    """READ,GAIN."""
+    try:
+        read, gain = map(float, text.split(","))
+    except ValueError:
+        raise InputError(
+            f"--noise is {text!r}",
+            expected="two numbers with a comma between, such as 0.002,0.0001",
+        ) from None
+    return read, gain

@@ -2,7 +2,18 @@
 # SPDX-License-Identifier: MIT
 """Observe: photographs resampled onto the atlas, and the rendering operator of what was observed."""
 
+from swatchwork.observe.noise import NoiseModel, noise_shares
 from swatchwork.observe.observations import Observations, observe
 from swatchwork.observe.rendering import Lights, Pairs, Rendering, Weighting, stratified
 
-__all__ = ["Lights", "Observations", "Pairs", "Rendering", "Weighting", "observe", "stratified"]
+__all__ = [
+    "Lights",
+    "NoiseModel",
+    "Observations",
+    "Pairs",
+    "Rendering",
+    "Weighting",
+    "noise_shares",
+    "observe",
+    "stratified",
+]

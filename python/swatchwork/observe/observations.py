@@ -15,6 +15,7 @@ from swatchwork.arrays import F32, F64, I32, I64, U16, dot, unit
 from swatchwork.capture import Capture, Frame, Photograph, read_photograph
 from swatchwork.errors import CaptureWarning, InputError
 from swatchwork.keeping import IN_MEMORY, Array, Keeper, Kept
+from swatchwork.observe.noise import NoiseModel, fitted_noise, noise_levels
 from swatchwork.observe.pixels import PixelMap, pixel_map
 from swatchwork.observe.sample import sample
 from swatchwork.progress import SILENT, Progress
@@ -66,6 +67,8 @@ class Observations:
     samples: tuple[Kept, ...]
     coverage: U16
     starts: I64
+    noise: NoiseModel | None = None
+    """Of the photographs, given or estimated; None where they are too small or too busy to tell."""
 
     def __len__(self) -> int:
         return int(self.starts[:, -1].sum())
@@ -129,6 +132,7 @@ def observe(
     read: Callable[[Frame], Photograph] = read_photograph,
     progress: Progress = SILENT,
     keeper: Keeper = IN_MEMORY,
+    noise: NoiseModel | None = None,
 ) -> Observations:
     """Sample every photograph at the texels it shows.
 
@@ -138,6 +142,7 @@ def observe(
         scene: the object and its occluders.
         read: how a frame becomes a photograph (synthetic captures pass their own).
         keeper: where samples are kept, by frame.
+        noise: of the photographs; estimated from them by default.
 
     Raises:
         InputError: a frame shows no texel, or there are no frames. Texels that no frame shows have
@@ -165,13 +170,14 @@ def observe(
         coverage[texel] += 1
         start[:] = np.searchsorted(texel, edges)
     viewer = np.stack([frame.camera.position for frame in capture.frames])
-    return Observations(atlas, viewer, tuple(samples), coverage, starts)
+    noise = noise or fitted_noise([kept.rows("noise") for kept in samples])
+    return Observations(atlas, viewer, tuple(samples), coverage, starts, noise)
 
 
 def _sampled(
     capture: Capture, frame: Frame, atlas: Atlas, scene: RayScene, read: Callable[[Frame], Photograph]
 ) -> dict[str, Array]:
-    """A frame's ``texel`` I32[S] and ``radiance`` F32[S, 3], and how its silhouette overlaps the mesh's."""
+    """A frame's ``texel`` I32[S], ``radiance`` F32[S, 3], its silhouette's overlap with the mesh's, noise."""
     photograph = read(frame)
     pixels = pixel_map(scene, frame.camera)
     texel = np.flatnonzero(sees(scene, atlas, frame.camera))
@@ -179,7 +185,12 @@ def _sampled(
     if not kept.any():
         raise _nothing_seen(capture, frame, len(texel))
     overlap = np.array([_overlap(photograph, pixels)])
-    return {"texel": texel[kept].astype(np.int32), "radiance": radiance[kept], "overlap": overlap}
+    return {
+        "texel": texel[kept].astype(np.int32),
+        "radiance": radiance[kept],
+        "overlap": overlap,
+        "noise": noise_levels(photograph),
+    }
 
 
 def _overlap(photograph: Photograph, pixels: PixelMap) -> float:

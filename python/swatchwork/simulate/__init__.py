@@ -17,6 +17,7 @@ from .materials import (
     satin_materials,
 )
 from .measured import MeasuredBrdf, material_names, read_merl_binary, read_neural_brdf, read_npf
+from .outliers import spoil_capture, spoiled
 from .photographs import Subject, photograph
 from .problem import Pairs, SyntheticProblem, two_of_four, visible_pairs
 from .quadrature import measured_responses
@@ -61,6 +62,8 @@ __all__ = [
     "satin_materials",
     "shape",
     "simulate_capture",
+    "spoil_capture",
+    "spoiled",
     "two_of_four",
     "visible_pairs",
 ]

@@ -88,6 +88,7 @@ def two_of_four(
     truth: str = "basis",
     *,
     noise_percent: float = 0.0,
+    read_percent: float = 0.0,
     texels: int = 4000,
     basis: GenericBasis | None = None,
     materials: int = 4,
@@ -103,6 +104,7 @@ def two_of_four(
         seed: of materials, blend, views, noise and lights alike.
         truth: ``basis`` (representatives within the basis) or ``ggx`` (lobes that the basis lacks).
         noise_percent: each measurement is multiplied by 1 + p / 100 N(0, 1).
+        read_percent: standard deviation of what is added to each measurement, in % of their median.
         texels: points spread over the sphere, of which those that a view sees are kept.
         basis: of the responses; the paper's by default.
         materials: N of the truth, at most 4.
@@ -135,7 +137,10 @@ def two_of_four(
         full = dense_weights(index, weight, materials)[pairs.texel]
         radiance = np.einsum("pn,pnc->pc", full, per_material)
     rng = np.random.default_rng([seed, 4])
+    typical = float(np.median(radiance))
     radiance = radiance * (1 + noise_percent / 100 * rng.normal(size=radiance.shape))
+    if read_percent:
+        radiance = radiance + read_percent / 100 * typical * rng.normal(size=radiance.shape)
 
     # Views of another seed: none of them was measured.
     novel_pairs = visible_pairs(normal, random_directions(TEST_VIEWS, seed + 10_000))

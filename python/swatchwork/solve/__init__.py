@@ -13,12 +13,15 @@ from .blending import Blend, Search, SparseBlend, blend, sparse_blend
 from .options import SolveOptions
 from .penalties import Penalties
 from .problem import Problem
+from .robust import solve_robustly
 from .search import resume, solve
-from .solution import Solution, Step
+from .solution import Outliers, Solution, Step
+from .trimming import Trimmed, settled_blend, trimmed_blend
 
 __all__ = [
     "Alternation",
     "Blend",
+    "Outliers",
     "Penalties",
     "Problem",
     "Search",
@@ -26,9 +29,13 @@ __all__ = [
     "SolveOptions",
     "SparseBlend",
     "Step",
+    "Trimmed",
     "alternate",
     "blend",
     "resume",
+    "settled_blend",
     "solve",
+    "solve_robustly",
     "sparse_blend",
+    "trimmed_blend",
 ]

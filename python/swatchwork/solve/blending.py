@@ -45,6 +45,13 @@ class SparseBlend:
     visited: int
     """Supports (relaxations) looked at, over all texels."""
 
+    def dense(self, count: int) -> F64:
+        """Weights [M, count] over all representatives."""
+        weights = np.zeros((len(self.index), count))
+        for slot in range(self.index.shape[1]):
+            weights[np.arange(len(weights)), self.index[:, slot]] += self.weight[:, slot]
+        return weights
+
 
 def blend(
     responses: F32,

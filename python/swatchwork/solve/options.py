@@ -40,6 +40,8 @@ class SolveOptions:
     """Relative decrease an alternation below which the alternation has converged (design section 3)."""
     max_alternations: int = 600
     """Most alternations for one (n, N)."""
+    robust: bool = True
+    """Leave outliers out where there are any, let noisy texels count less; section 4's order never does."""
     seed: int = 0
     """Of the texels that the search runs on, and of the sample that the pruned blend search starts from."""
 
@@ -47,6 +49,11 @@ class SolveOptions:
     def joint(self) -> bool:
         """Whether alternations include steps of representatives and weights together."""
         return self.search_order == "default"
+
+    @property
+    def robustly(self) -> bool:
+        """Whether outliers and noise are heeded."""
+        return self.robust and self.search_order == "default"
 
     def __post_init__(self) -> None:
         for name in ("n", "N", "max_n", "max_N", "max_alternations", "explore_texels"):

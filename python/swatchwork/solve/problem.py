@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._native import SolverProblem
-from ..arrays import DARK, F32, F64, I64
+from ..arrays import DARK, F32, F64, I64, Bool
 from ..errors import InputError
 
 BRIGHTEST = 2.0
@@ -88,6 +88,33 @@ class Problem:
         pairs = np.concatenate([np.arange(*self.offsets[x : x + 2]) for x in kept])
         offsets = np.concatenate([[0], np.cumsum(np.diff(self.offsets)[kept])])
         return Problem(self.responses[pairs], self.radiance[pairs], offsets, self.share[kept], self.albedo)
+
+    def part(self, kept: Bool, texels: Bool) -> Problem:
+        """The same problem on some of its measurements, ``kept`` [P], and texels, ``texels`` [M].
+
+        Raises:
+            InputError: a texel would be left without measurements.
+        """
+        texel = np.repeat(np.arange(self.texels), np.diff(self.offsets))
+        pairs = np.flatnonzero(kept & texels[texel])
+        views = np.bincount(texel[pairs], minlength=self.texels)[texels]
+        offsets = np.concatenate([[0], np.cumsum(views)])
+        share = self.share[texels]
+        return Problem(
+            self.responses[pairs], self.radiance[pairs], offsets, share / share.max(initial=0.0), self.albedo
+        )
+
+    def weighted(self, weight: F64, share: F64) -> Problem:
+        """The same problem, measurements weighted by ``weight`` [P], texels by ``share`` [M] too."""
+        root = np.sqrt(weight).astype(np.float32)
+        share = self.share * share
+        return Problem(
+            self.responses * root[:, None, None],
+            self.radiance * root[:, None],
+            self.offsets,
+            share / share.max(),
+            self.albedo,
+        )
 
     def representatives(self, weights: F64, start: F64 | None = None) -> Fitted:
         """Optimal representatives for blend weights [M, N] (Eqs. 6, 7), from ``start`` [N, J, 3]."""

@@ -33,6 +33,18 @@ class Step:
 
 
 @dataclass(frozen=True)
+class Outliers:
+    """What was left out of a solution as outliers."""
+
+    scale: float
+    """Of what is kept; a measurement further off than ``BOUND`` times that is out (``trimming.py``)."""
+    left_out: float
+    """Share of the measurements of the problem's texels."""
+    undecided: float
+    """Share of the texels of whose views no majority agrees."""
+
+
+@dataclass(frozen=True)
 class Solution:
     """Representatives, the texels' blends, and how they were found."""
 
@@ -41,7 +53,7 @@ class Solution:
     weights: F64
     """[M, N] blend weights of the problem's texels."""
     relative_error: F64
-    """[M] ||s_hat - s||^2 / ||s_hat||^2 at each texel."""
+    """[M] ||s_hat - s||^2 / ||s_hat||^2 at each texel; NaN where outliers leave no majority of views."""
     n: int
     N: int
     data: float
@@ -52,6 +64,8 @@ class Solution:
     """Relative root-mean-square of what a model leaves at the typical texel, freedoms counted off."""
     status: Status
     history: list[Step] = field(default_factory=list)
+    outliers: Outliers | None = None
+    """None where none were found, or looked for: every measurement counts."""
 
     def arrays(self) -> dict[str, Array]:
         """Everything, as arrays that ``of`` reads."""
@@ -68,11 +82,13 @@ class Solution:
         """The solution whose ``arrays`` were kept, bit for bit."""
         summary = json.loads(kept.rows("summary").tobytes())
         history = [Step(**step) for step in summary.pop("history")]
+        outliers = summary.pop("outliers")
         return cls(
             representatives=kept.rows("representatives"),
             weights=kept.rows("weights"),
             relative_error=kept.rows("relative_error"),
             history=history,
+            outliers=outliers and Outliers(**outliers),
             **summary,
         )
 
@@ -87,5 +103,6 @@ class Solution:
             "lambda1": self.lambda1,
             "noise": self.noise,
             "status": self.status,
+            "outliers": self.outliers and asdict(self.outliers),
             "history": [asdict(step) for step in self.history],
         }

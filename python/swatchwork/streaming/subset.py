@@ -18,10 +18,10 @@ import numpy as np
 from ..arrays import F64, I64
 from ..errors import CaptureWarning, InputError
 from ..keeping import IN_MEMORY, Keeper
-from ..observe import Rendering, stratified
+from ..observe import Rendering, noise_shares, stratified
 from ..progress import SILENT, Progress
 from ..reflectance import GenericBasis
-from ..solve import Penalties, Problem, Solution, SolveOptions, resume, solve, sparse_blend
+from ..solve import Penalties, Problem, Solution, SolveOptions, resume, solve_robustly, sparse_blend
 from .budget import Budget
 
 SURVEYED = 5
@@ -72,14 +72,15 @@ def solve_on_subset(
 
     def first() -> Solution:
         with progress.stage("respond"):
-            problem = _problem(rendering, basis, subset)
+            problem = _problem(rendering, basis, subset, options.robustly)
         with progress.stage("solve"):
-            return solve(problem, options, progress)
+            return solve_robustly(problem, options, progress)
 
     solution = Solution.of(keeper.kept("solve", lambda: first().arrays()))
     # Section 4's order is that of all its texels together: nothing is grown on afterwards.
     for turn in range(1, ROUNDS + 1 if options.search_order == "default" else 1):
-        if len(subset.texels) == len(rendering.observations.seen):
+        # Nor where there are outliers: what no representative explains is what they look like.
+        if len(subset.texels) == len(rendering.observations.seen) or solution.outliers is not None:
             break
         with progress.stage("survey"):
             larger = _surveyed(rendering, basis, subset, solution, texels, options, budget, turn)
@@ -96,7 +97,9 @@ def solve_on_subset(
 
         def more(subset: Subset = subset, solution: Solution = solution) -> Solution:
             with progress.stage("solve on"):
-                return resume(_problem(rendering, basis, subset), solution, options, progress)
+                return resume(
+                    _problem(rendering, basis, subset, options.robustly), solution, options, progress
+                )
 
         solution = Solution.of(keeper.kept(f"solve-{turn}", lambda more=more: more().arrays()))  # type: ignore[misc]
     return solution
@@ -106,10 +109,14 @@ def _pairs(rendering: Rendering, texels: I64) -> int:
     return int(rendering.observations.coverage[texels].sum(dtype=np.int64))
 
 
-def _problem(rendering: Rendering, basis: GenericBasis, subset: Subset) -> Problem:
+def _problem(rendering: Rendering, basis: GenericBasis, subset: Subset, robust: bool) -> Problem:
     pairs = rendering.pairs(subset.texels)
     albedo = np.stack([basis.albedo(n_o) for n_o in VIEWED])
-    return Problem(rendering.generic(basis, pairs), pairs.radiance, pairs.offsets, subset.share, albedo)
+    share, noise = subset.share, rendering.observations.noise
+    if noise is not None and robust:
+        share = share * noise_shares(noise, pairs.seen.radiance, pairs.offsets)
+        share = share / share.max()
+    return Problem(rendering.generic(basis, pairs), pairs.radiance, pairs.offsets, share, albedo)
 
 
 def _surveyed(

@@ -4,19 +4,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..arrays import F32, I32, I64, U8, norm
+from ..arrays import F32, F64, I32, I64, U8, Bool, norm
 from ..keeping import IN_MEMORY, Array, Keeper
 from ..observe import Rendering
 from ..progress import SILENT, Progress
 from ..reflectance import GenericBasis
 from ..solve import Search, Solution, sparse_blend
 from ..surface import Atlas, each_of, fill_gutter, padded
+from .agreement import agreement
 from .budget import Budget
 
 MANY = 1 << 18
@@ -31,8 +32,9 @@ NEIGHBOURS = 4
 class TexelBlend:
     """The blend of every texel, as images over the atlas.
 
-    A texel that no view sees takes the blend of the nearest seen, a pixel of the gutter that of its nearest
-    texel. They are images from the start, for a second copy of them would be most of a large atlas's memory.
+    A texel that no view sees, or whose views contradict one another, takes the blend of the nearest other,
+    a pixel of the gutter that of its nearest texel. They are images from the start, for a second copy of them
+    would be most of a large atlas's memory.
     """
 
     index: U8
@@ -40,9 +42,23 @@ class TexelBlend:
     weight: F32
     """[H, W, n] their weights; they sum to 1."""
     residual: F32
-    """[H, W] relative error of each texel's measurements, 0 where no view sees it and in the gutter."""
+    """[H, W] relative error of each texel's kept measurements, 0 where there are none and in the gutter."""
     texel_of_pixel: I32
     """[H, W] the texel at each pixel, in the gutter the nearest one."""
+    undecided: I64 = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    """Texels that views see whose measurements contradict one another: filled as if unseen."""
+    counts: I64 | None = None
+    """[2, k] each frame's measurements, and how many of them were left out; None without outliers."""
+
+    @property
+    def left_out(self) -> float:
+        """Share of the measurements that were left out as outliers."""
+        return 0.0 if self.counts is None else float(self.counts[1].sum() / self.counts[0].sum())
+
+    @property
+    def left_out_by_frame(self) -> F64 | None:
+        """[k] the same of each frame; None where no outliers were found."""
+        return None if self.counts is None else self.counts[1] / np.maximum(self.counts[0], 1)
 
 
 def blend_every_texel(
@@ -65,6 +81,8 @@ def blend_every_texel(
     index, weight = (np.zeros((size * size, n), dtype=kind) for kind in (np.uint8, np.float32))
     residual = np.zeros(size * size, dtype=np.float32)
     pairs_at_once = (budget or Budget()).tile(solution.N)
+    decided: Bool = observations.coverage > 0
+    counts = np.zeros((2, len(observations.viewer)), dtype=np.int64)
     with progress.stage("Blending texels", len(seen)) as task:
         for number, tile in enumerate(rendering.tiles(seen, pairs_at_once)):
             make = partial(blend_tile, rendering, basis, solution, tile, search, seed)
@@ -72,16 +90,21 @@ def blend_every_texel(
             at = pixel[tile]
             index[at], weight[at] = found.rows("index"), found.rows("weight")
             residual[at] = found.rows("residual")
+            if solution.outliers is not None:
+                decided[tile] = found.rows("decided")
+                counts += found.rows("counts")
             task.advance(len(tile))
-    unseen = np.flatnonzero(observations.coverage == 0)
+    unseen = np.flatnonzero(~decided)
     if len(unseen):
-        at, nearest = pixel[unseen], pixel[_nearest(atlas, seen, unseen)]
+        at, nearest = pixel[unseen], pixel[_nearest(atlas, np.flatnonzero(decided).astype(np.int32), unseen)]
         index[at], weight[at] = index[nearest], weight[nearest]
     blend = TexelBlend(
         index.reshape(size, size, n),
         weight.reshape(size, size, n),
         residual.reshape(size, size),
         padded(atlas),
+        seen[~decided[seen]].astype(np.int64),
+        None if solution.outliers is None else counts,
     )
     for image in (blend.index, blend.weight):
         fill_gutter(image, atlas, blend.texel_of_pixel)
@@ -130,9 +153,26 @@ def _nearest(atlas: Atlas, seen: I32, unseen: I64) -> I32:
 def blend_tile(
     rendering: Rendering, basis: GenericBasis, solution: Solution, tile: I64, search: Search, seed: int
 ) -> dict[str, Array]:
-    """``index`` U8[T, n], ``weight`` F32[T, n] and ``residual`` F32[T] of some texels."""
-    pairs = rendering.pairs(tile)
-    responses = rendering.representatives(basis, solution.representatives, pairs)
-    best = sparse_blend(responses, pairs.radiance, pairs.offsets, solution.n, search=search, seed=seed)
-    residual = rendering.relative_error(pairs, best.squared_error).astype(np.float32)
-    return {"index": best.index.astype(np.uint8), "weight": best.weight, "residual": residual}
+    """``index`` U8[T, n], ``weight`` F32[T, n] and ``residual`` F32[T] of some texels.
+
+    Where the solution has outliers also ``decided`` Bool[T], and ``counts`` I64[2, k], each frame's
+    measurements and how many of them were left out.
+    """
+    if solution.outliers is None:
+        pairs = rendering.pairs(tile)
+        responses = rendering.representatives(basis, solution.representatives, pairs)
+        best = sparse_blend(responses, pairs.radiance, pairs.offsets, solution.n, search=search, seed=seed)
+        residual = rendering.relative_error(pairs, best.squared_error).astype(np.float32)
+        return {"index": best.index.astype(np.uint8), "weight": best.weight, "residual": residual}
+    agreeing = agreement(rendering, basis, solution, tile, search, seed)
+    best, frames = agreeing.trimmed.blend, len(rendering.observations.viewer)
+    error = rendering.relative_error(agreeing.kept, best.squared_error)
+    every = agreeing.pairs.seen.frame
+    counts = [np.bincount(of, minlength=frames) for of in (every, every[~agreeing.trimmed.kept])]
+    return {
+        "index": best.index.astype(np.uint8),
+        "weight": best.weight,
+        "residual": np.where(agreeing.decided, error, 0).astype(np.float32),
+        "decided": agreeing.decided,
+        "counts": np.stack(counts),
+    }

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: MIT
 """Whole pieces of work, from folder to folder."""
 
+from ..observe import NoiseModel
 from ..reconstruct import ReconstructOptions
 from ..solve import SolveOptions
 from .analysing import AnalysisSummary, analyze_views
@@ -28,6 +29,7 @@ __all__ = [
     "CostRecorder",
     "DemoSummary",
     "ExportSummary",
+    "NoiseModel",
     "PairsSummary",
     "PlanSummary",
     "ReconstructOptions",

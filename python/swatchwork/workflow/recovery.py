@@ -60,6 +60,10 @@ class ReconstructSummary:
     """Root mean square over texels of the relative error |s_hat - s| / |s_hat|."""
     lambda0: float
     lambda1: float
+    left_out: float
+    """Share of the measurements that were left out as outliers; 0 where none were found."""
+    undecided: int
+    """Texels whose views contradict one another: they have the nearest decided texel's blend."""
     seconds: float
     peak_mb: float
     resumed: bool
@@ -73,10 +77,13 @@ class ReconstructSummary:
     def in_words(self) -> str:
         """Two lines for a person."""
         unseen = f", {100 * self.unseen / self.texels:.1f} % of them in no photograph" if self.unseen else ""
+        out = (
+            f" {100 * self.left_out:.0f} % of the measurements left out as outliers." if self.left_out else ""
+        )
         rest = " (gone on from an interrupted run)" if self.resumed else ""
         return (
             f"{self.N} materials, {self.n} blended at a point ({self.status}); relative misfit "
-            f"{100 * self.misfit:.1f} % at {self.texels:,} surface points{unseen}.\n"
+            f"{100 * self.misfit:.1f} % at {self.texels:,} surface points{unseen}.{out}\n"
             f"{self.views} photographs, {self.seconds:.1f} s{rest}, peak {self.peak_mb:.0f} MB. "
             f"Material in {self.output}"
         )
@@ -149,6 +156,7 @@ def recover(
             with costs.stage("write"):
                 material = material_of(found, prints, trust, spread)
                 warn_of_bright_materials(material, capture)
+                warn_of_outliers(found, capture)
                 summary = summarise(found, capture, output, start, costs.costs, resumed)
                 report = reconstruction_report(found, capture, material, costs.costs, said, summary.as_dict())
                 if viewer:
@@ -209,6 +217,7 @@ def material_of(
     assert found.mesh.uv is not None, "the atlas was made from them"
     coverage = np.full(atlas.resolution**2, -1, dtype=np.int32)
     coverage[atlas.pixel] = found.observations.coverage
+    coverage[atlas.pixel[found.blend.undecided]] = 0
     record = BasisRecord(
         basis.name,
         tuple(map(float, basis.sigmas)),
@@ -228,7 +237,7 @@ def material_of(
         normals=found.mesh.normals,
         uv=found.mesh.uv,
         penalties={"lambda0": solution.lambda0, "lambda1": solution.lambda1},
-        solver=solution.summary() | {"weighting": found.rendering.weighting},
+        solver=solution.summary() | {"weighting": found.rendering.weighting} | left_out_by_frame(found),
         trust=trust,
         spread=spread,
         inputs=prints,
@@ -255,6 +264,34 @@ def warn_of_bright_materials(material: Material, capture: Capture) -> None:
             "one exposure and unit: the frames' exposure values, and the light probe's scale and its sun."
         )
         warnings.warn(CaptureWarning(message), stacklevel=3)
+
+
+def left_out_by_frame(found: Reconstruction) -> dict[str, Any]:
+    """For svbrdf.json: the share of each frame's measurements left out, where outliers were found."""
+    shares = found.blend.left_out_by_frame
+    return {} if shares is None else {"left_out_by_frame": [round(float(share), 4) for share in shares]}
+
+
+def warn_of_outliers(found: Reconstruction, capture: Capture) -> None:
+    """Say what share of each frame's measurements was left out.
+
+    Warns:
+        CaptureWarning: outliers were found.
+    """
+    shares = found.blend.left_out_by_frame
+    if shares is None:
+        return
+    each = ", ".join(
+        f"{frame.name} {100 * share:.0f} %" for frame, share in zip(capture.frames, shares, strict=True)
+    )
+    undecided = len(found.blend.undecided) / len(found.observations.atlas)
+    message = (
+        f"{capture.file}: measurements that contradict those of the same point in other photographs were "
+        f"left out: {each}; expected none. At {100 * undecided:.0f} % of the points too few are left to "
+        "tell, and the nearest point's blend stands in. Look for hands, flies, labels or reflections of the "
+        "room in the photographs, mask them, or use --no-robust to count every measurement."
+    )
+    warnings.warn(CaptureWarning(message), stacklevel=3)
 
 
 def key_of(prints: dict[str, str], options: ReconstructOptions) -> dict[str, Any]:
@@ -321,6 +358,8 @@ def summarise(
         misfit=float(np.sqrt(np.mean(np.square(residual), dtype=np.float64))),
         lambda0=float(found.solution.lambda0),
         lambda1=float(found.solution.lambda1),
+        left_out=found.blend.left_out,
+        undecided=len(found.blend.undecided),
         seconds=time.perf_counter() - start,
         peak_mb=max((cost.peak_mb for cost in costs), default=0.0),
         resumed=resumed,
