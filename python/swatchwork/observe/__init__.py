@@ -4,5 +4,15 @@
 
 from swatchwork.observe.observations import Observations, observe
 from swatchwork.observe.rendering import Lights, Pairs, Rendering, Weighting, stratified
+from swatchwork.observe.small import SmallPicture
 
-__all__ = ["Lights", "Observations", "Pairs", "Rendering", "Weighting", "observe", "stratified"]
+__all__ = [
+    "Lights",
+    "Observations",
+    "Pairs",
+    "Rendering",
+    "SmallPicture",
+    "Weighting",
+    "observe",
+    "stratified",
+]

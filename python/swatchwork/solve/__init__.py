@@ -13,6 +13,7 @@ from .blending import Blend, Search, SparseBlend, blend, sparse_blend
 from .options import SolveOptions
 from .penalties import Penalties
 from .problem import Problem
+from .quick import quick
 from .search import resume, solve
 from .solution import Solution, Step
 
@@ -28,6 +29,7 @@ __all__ = [
     "Step",
     "alternate",
     "blend",
+    "quick",
     "resume",
     "solve",
     "sparse_blend",
