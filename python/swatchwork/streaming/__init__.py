@@ -3,7 +3,20 @@
 """Streaming: the solver on a subset of the texels, the blend of all of them by tiles, in bounded memory."""
 
 from .budget import Budget
+from .frames import diagnose
 from .subset import VIEWED, solve_on_subset
+from .suspects import Diagnosis, Evidence, FrameOptions, FrameScale
 from .tiles import TexelBlend, blend_every_texel
 
-__all__ = ["VIEWED", "Budget", "TexelBlend", "blend_every_texel", "solve_on_subset"]
+__all__ = [
+    "VIEWED",
+    "Budget",
+    "Diagnosis",
+    "Evidence",
+    "FrameOptions",
+    "FrameScale",
+    "TexelBlend",
+    "blend_every_texel",
+    "diagnose",
+    "solve_on_subset",
+]

@@ -1,0 +1,214 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""Which photographs cannot be what the others foretell of them: exposure, pose, light.
+
+A rough model of all trusted photographs foretells each from the others. The few that it foretells badly, or that
+a small displacement helps, are candidates: a model without the candidate says what is wrong with it, and its verdict
+stands if the size is beyond what sound photographs show. Of several, the one without which the others agree best is
+taken out, and all is asked again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..arrays import F64, Bool
+from ..capture import Frame
+from ..keeping import IN_MEMORY, Keeper
+from ..light import vertical
+from ..observe import Rendering, SmallPicture
+from ..progress import SILENT, Progress
+from ..reflectance import GenericBasis
+from .displaced import FEWEST, Displaced, Displacements, misfit
+from .foretold import Foretold, Model
+from .suspects import Diagnosis, Evidence, FrameOptions, Kind
+
+CANDIDATES = 3
+"""Photographs, at most, that a round looks at closely."""
+LEFT_OUT = 3
+"""At most one photograph in so many is left out."""
+SLIPPED = float(np.log(1.1))
+"""Logarithm of an exposure that is worth a word: sound photographs are off by up to ... %."""
+SURE = 4.0
+"""Standard errors, and spreads of the other photographs, that an exposure is off by."""
+CORRELATED = 10.0
+"""Pairs that count as one in the standard error: neighbours share their model's misfit."""
+EXPLAINED, EXPLAINED_MISFIT = 0.25, 0.04
+"""Of a photograph's misfit, as a share and altogether, that a displacement explains."""
+FEWEST_DEGREES = {"pose": 1.0, "light": 3.0}
+ALIEN, ALIEN_TIMES = 0.5, 2.5
+"""Misfit, and times the others', of what nothing explains."""
+ODD, PROBED, OFF = 1.5, 0.1, 0.05
+"""Candidates: times the typical misfit, share that a small displacement explains, logarithm of exposure."""
+ROUNDS_OF_ALL = 4
+"""Of scales for all photographs, which lean on one another."""
+
+
+class Court:
+    """The photographs and what is known of them, for as long as they are judged."""
+
+    def __init__(
+        self,
+        rendering: Rendering,
+        basis: GenericBasis,
+        frames: Sequence[Frame],
+        centre: F64,
+        seed: int = 0,
+    ) -> None:
+        self.frames, self.centre = frames, centre
+        self.foretold = Foretold(rendering, basis, seed)
+        self.pictures = [SmallPicture.kept(kept) for kept in rendering.observations.samples]
+        self.plain = np.ones(len(frames))
+        if len(self.foretold.texels):
+            self.typical = float(np.median(self.foretold.radiance.mean(axis=1)))
+
+    def displacements(self, model: Model, frame: int) -> Displacements:
+        camera, picture = self.frames[frame].camera, self.pictures[frame]
+        return Displacements(model, frame, camera, picture, self.centre, self.typical)
+
+    def axis(self, frame: int) -> F64:
+        """The vertical of the frame's light in the world."""
+        source = self.frames[frame].environment
+        assert source is not None, "read_capture requires an environment"
+        return vertical(source.convention, source.world_from_environment)
+
+    def each(self, model: Model) -> list[Displacements]:
+        return [self.displacements(model, frame) for frame in range(len(self.frames))]
+
+
+def diagnose(
+    rendering: Rendering,
+    basis: GenericBasis,
+    frames: Sequence[Frame],
+    centre: F64,
+    options: FrameOptions | None = None,
+    seed: int = 0,
+    progress: Progress = SILENT,
+    keeper: Keeper = IN_MEMORY,
+) -> Diagnosis:
+    """Compare each photograph with what the others foretell of it, and say what is to be done with it.
+
+    Args:
+        frames: of ``rendering``'s observations, in their order.
+        centre: [3] of the object, which a pose may be turned about.
+    """
+    options = options or FrameOptions()
+
+    def judge() -> Diagnosis:
+        with progress.stage("Comparing photographs"):
+            return _judged(rendering, basis, frames, centre, options, seed)
+
+    return Diagnosis.of(keeper.kept("frames", lambda: judge().arrays()))
+
+
+def _judged(
+    rendering: Rendering,
+    basis: GenericBasis,
+    frames: Sequence[Frame],
+    centre: F64,
+    options: FrameOptions,
+    seed: int,
+) -> Diagnosis:
+    court = Court(rendering, basis, frames, centre, seed)
+    names = [frame.name for frame in frames]
+    if len(court.foretold.texels) < FEWEST:
+        return Diagnosis(tuple(Evidence(name) for name in names), options)
+    trusted: Bool = np.ones(len(frames), dtype=bool)
+    found: dict[int, Evidence] = {}
+    model = court.foretold.fit(trusted, court.plain)
+    while len(found) < max(1, len(frames) // LEFT_OUT):
+        verdicts = []
+        for frame in _candidates(court, model, trusted):
+            others = trusted.copy()
+            others[frame] = False
+            without = court.foretold.fit(others, court.plain, model.fitted)
+            evidence = _evidence(court, without, frame, closely=True)
+            if evidence.kind:
+                left = _raw(court.each(without))[others]
+                verdicts.append((float(np.nanmean(left)), frame, evidence, without))
+        if not verdicts:
+            break
+        _, frame, evidence, model = min(verdicts, key=lambda verdict: verdict[:2])
+        found[frame], trusted[frame] = evidence, False
+    plain = [_evidence(court, model, frame) for frame in range(len(frames))]
+    # Measured anew: a model without all suspects knows better than the first ones did.
+    evidence_of = [
+        replace(found[i], scale=e.scale, scale_error=e.scale_error, channels=e.channels) if i in found else e
+        for i, e in enumerate(plain)
+    ]
+    if options.scale == "all":
+        evidence_of = _all_scales(court, model, trusted, evidence_of)
+    return Diagnosis(tuple(evidence_of), options)
+
+
+def _raw(each: list[Displacements]) -> F64:
+    """Each frame's misfit [k] with its exposure's part in it; NaN where too little is known."""
+    return np.array([misfit(d.difference, middle=0.0) for d in each])
+
+
+def _candidates(court: Court, model: Model, trusted: Bool) -> list[int]:
+    """Frames that are worth a model without them, the worst first."""
+    each = court.each(model)
+    raw = np.where(trusted, _raw(each), np.nan)
+    if not np.isfinite(raw).any():
+        return []
+    bar = ODD * float(np.nanmedian(raw))
+    chosen = []
+    for frame in map(int, np.argsort(-np.nan_to_num(raw, nan=-1.0))):
+        if not np.isfinite(raw[frame]):
+            continue
+        off = abs(float(np.median(each[frame].difference))) > OFF
+        if raw[frame] > bar or off or each[frame].probed(court.axis(frame)) > PROBED:
+            chosen.append(frame)
+    return chosen[:CANDIDATES]
+
+
+def _evidence(court: Court, model: Model, frame: int, closely: bool = False) -> Evidence:
+    """What a model says of a frame; ``closely``, also what would explain it, the model being without it."""
+    d = court.displacements(model, frame)
+    name = court.frames[frame].name
+    if len(d.difference) < FEWEST:
+        return Evidence(name)
+    middle = float(np.median(d.difference))
+    spread = 1.4826 * float(np.median(np.abs(d.difference - middle)))
+    error = 1.2533 * spread / np.sqrt(len(d.difference) / CORRELATED)
+    r, g, b = (float(c) for c in np.exp(d.channels))
+    plain = Evidence(
+        name, len(d.difference), float(np.exp(middle)), float(error), (r, g, b), misfit(d.difference)
+    )
+    if not closely:
+        return plain
+    others = [i for i in range(len(court.frames)) if model.trusted[i]]
+    each = [court.displacements(model, i) for i in others]
+    medians = np.array([np.median(e.difference) for e in each if len(e.difference) >= FEWEST])
+    usual = float(np.nanmedian([misfit(e.difference) for e in each]))
+    tried: list[tuple[Kind, str, Displaced]] = [
+        ("pose", "object", d.pose("object")),
+        ("pose", "camera", d.pose("camera")),
+        ("light", "", d.light(court.axis(frame))),
+    ]
+    kind, about, best = min(tried, key=lambda t: t[2].misfit)
+    if best.gain > EXPLAINED and best.without - best.misfit > EXPLAINED_MISFIT:
+        if best.degrees >= FEWEST_DEGREES[kind]:
+            return replace(plain, kind=kind, about=about, degrees=best.degrees, explained=best.misfit)
+    sure = SURE * max(error, 1.4826 * float(np.median(np.abs(medians))) if len(medians) else np.inf)
+    if abs(middle) > max(SLIPPED, sure):
+        return replace(plain, kind="exposure")
+    if plain.misfit > max(ALIEN, ALIEN_TIMES * usual):
+        return replace(plain, kind="disagrees")
+    return plain
+
+
+def _all_scales(court: Court, model: Model, trusted: Bool, evidence: list[Evidence]) -> list[Evidence]:
+    """Every frame's scale against all others', with a mean logarithm of 0 over the trusted ones."""
+    scale = np.zeros(len(evidence))
+    for _ in range(ROUNDS_OF_ALL):
+        found = np.array([np.median(d.difference) if len(d.difference) else 0.0 for d in court.each(model)])
+        # What is foretold knows the scales so far, what is shown does not.
+        scale = np.where(np.isfinite(found), found, 0.0)
+        scale -= scale[trusted].mean()
+        model = court.foretold.fit(trusted, np.exp(scale), model.fitted)
+    return [replace(e, scale=float(np.exp(s))) for e, s in zip(evidence, scale, strict=True)]
