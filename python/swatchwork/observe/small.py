@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from swatchwork.arrays import F32, F64, Float
+from swatchwork.arrays import F32, F64, Bool, Float
 from swatchwork.capture import Camera, Photograph
 from swatchwork.keeping import Array, Kept
 from swatchwork.observe.pixels import PixelMap
@@ -39,23 +39,21 @@ class SmallPicture:
         left, top, right, bottom = _box(camera, vertices)
         part = slice(top, bottom), slice(left, right)
         # Outside its mask a photograph is known to show something else; clipped, it is not known.
-        off = np.zeros_like(photograph.valid) if photograph.mask is None else ~photograph.mask
-        known = (photograph.valid | off) & ~pixels.blocked.reshape(photograph.valid.shape)
-        shown = np.float32(1) * (known & ~off)[part]
-        image = np.concatenate(
-            [
-                np.where(photograph.valid[part][..., None], photograph.radiance[part], 0) * shown[..., None],
-                (photograph.alpha[part] * shown)[..., None],
-                known[part].astype(np.float32)[..., None],
-            ],
-            axis=-1,
-        )
-        height, width = image.shape[:2]
+        off: Bool = np.zeros_like(photograph.valid) if photograph.mask is None else ~photograph.mask
+        known: Bool = (photograph.valid | off) & ~pixels.blocked.reshape(photograph.valid.shape)
+        shown: F32 = np.asarray(known & ~off, dtype=np.float32)[part]
+        radiance = np.where(photograph.valid[part][..., None], photograph.radiance[part], 0)
+        beside = np.stack([photograph.alpha[part] * shown, known[part].astype(np.float32)], axis=-1)
+        height, width = shown.shape
         scale = min(1.0, SIDE / max(height, width))
         size = max(1, round(width * scale)), max(1, round(height * scale))
-        small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+        # OpenCV averages no more than four channels at once.
+        small = [
+            cv2.resize(np.asarray(image, dtype=np.float32), size, interpolation=cv2.INTER_AREA)
+            for image in (radiance * shown[..., None], beside)
+        ]
         return cls(
-            np.asarray(small, dtype=np.float32),
+            np.concatenate(small, axis=-1),
             np.array([left, top, width / size[0], height / size[1]], dtype=np.float64),
         )
 
@@ -73,7 +71,7 @@ class SmallPicture:
         at = (np.asarray(uv_px) - self.place[:2]) / self.place[2:] - 0.5
         height, width = self.pixels.shape[:2]
         with np.errstate(invalid="ignore"):
-            inside = ((at >= 0) & (at <= [width - 1, height - 1])).all(axis=1)
+            inside: Bool = np.all((at >= 0) & (at <= [width - 1, height - 1]), axis=1)
         x, y = np.where(inside[:, None], at, 0).astype(np.float32).T
         found = np.concatenate(
             [
@@ -85,7 +83,7 @@ class SmallPicture:
             ],
             axis=1,
         ).astype(np.float64)
-        known = inside & (found[:, 4] > KNOWN)
+        known: Bool = inside & (found[:, 4] > KNOWN)
         cover = np.where(known, found[:, 3] / np.maximum(found[:, 4], 1e-6), np.nan)
         radiance = np.where(known[:, None], found[:, :3] / np.maximum(found[:, 3:4], 1e-6), np.nan)
         return radiance, cover

@@ -15,7 +15,9 @@ MOST = 12
 """Alternations of it."""
 
 
-def quick(problem: Problem, n: int, N: int, previous: Alternation | None = None, seed: int = 0) -> Alternation:
+def quick(
+    problem: Problem, n: int, N: int, previous: Alternation | None = None, seed: int = 0
+) -> Alternation:
     """Grow a model to N representatives, n at a texel, without a search and without the joint steps.
 
     Args:

@@ -22,6 +22,8 @@ DIM = 0.05
 """Share of the typical radiance that is added on both sides of a ratio."""
 TOLERATED = 0.1
 """Difference of logarithms at which a pair counts half of what an arbitrary one does."""
+BRIGHT = 0.25
+"""Of the typical radiance: exposures are told from what should show more than that, without any addition."""
 FEWEST = 30
 """Pairs that a frame is judged by, at least."""
 PROBE, LIGHT_PROBE = 2.0, 6.0
@@ -33,12 +35,6 @@ LIGHT_STARTS = (-135.0, -90.0, -60.0, -40.0, -25.0, -12.0, 12.0, 25.0, 40.0, 60.
 """Degrees that a light's turn is looked for from: its misfit has many valleys."""
 
 About = Literal["object", "camera"]
-
-
-def logarithms(radiance: F64, foretold: F64, typical: float) -> F64:
-    """log(shown / foretold) of [R, 3] each; along the last axis channels, so that [R, 1] compares sums."""
-    floor = DIM * typical * radiance.shape[-1] / 3
-    return np.asarray(np.log((radiance + floor) / (foretold + floor)))
 
 
 def misfit(difference: F64, off: Bool | None = None, middle: float | None = None) -> float:
@@ -73,7 +69,8 @@ class Displaced:
 class Displacements:
     """One frame against what a model foretells of it, as it is said to stand and displaced.
 
-    ``difference`` [R] are logarithms of shown over foretold sums of the channels.
+    ``difference`` [R] are logarithms of shown over foretold radiance, means of the channels; ``exposure`` [B]
+    and ``channels`` [B, 3] those of the bright pairs alone.
     """
 
     def __init__(
@@ -87,15 +84,14 @@ class Displacements:
         self.foretold = model.radiance(frame)[self.good]
         self.radiance = model.of.radiance[rows].astype(np.float64)
         self.difference = self._sums(self.radiance, self.foretold)
+        bright = self.foretold.mean(axis=1) > BRIGHT * typical
+        lit = (self.radiance > 0).all(axis=1) & (self.foretold > 0).all(axis=1) & bright
+        self.channels: F64 = np.log(self.radiance[lit] / self.foretold[lit])
+        self.exposure: F64 = np.log(self.radiance[lit].mean(axis=1) / self.foretold[lit].mean(axis=1))
 
     def _sums(self, radiance: F64, foretold: F64) -> F64:
-        a, b = (x.mean(axis=1, keepdims=True) for x in (radiance, foretold))
-        return logarithms(a, b, 3 * self.typical)[:, 0]
-
-    @property
-    def channels(self) -> F64:
-        """Median log(shown / foretold) [3] by channel."""
-        return np.asarray(np.median(logarithms(self.radiance, self.foretold, self.typical), axis=0))
+        floor = DIM * self.typical
+        return np.asarray(np.log((radiance.mean(axis=1) + floor) / (foretold.mean(axis=1) + floor)))
 
     def turned(self, degrees: F64, about: About) -> Camera:
         """The camera after a rotation vector [3], in degrees and in its own axes."""
@@ -148,9 +144,10 @@ class Displacements:
         """The share of the misfit that the best of a few small displacements explains."""
         here = self.shown(self.camera, self.foretold)
         best = here
-        for about in ("object", "camera"):
+        abouts: tuple[About, ...] = ("object", "camera")
+        for about in abouts:
             for way in (*np.eye(3), *-np.eye(3)):
-                best = min(best, self.shown(self.turned(PROBE * way, about), self.foretold))  # type: ignore[arg-type]
+                best = min(best, self.shown(self.turned(PROBE * way, about), self.foretold))
         for sign in (1, -1):
             turn = Rotation.from_rotvec(np.radians(sign * LIGHT_PROBE) * axis).as_matrix()
             turned = self.model.elsewhere(self.frame, turn=turn)[self.good]

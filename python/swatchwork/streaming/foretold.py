@@ -2,15 +2,15 @@
 # SPDX-License-Identifier: MIT
 """What each photograph should show of some texels, foretold from the others.
 
-A rough model of fixed n and N is fitted to the trusted photographs. For each photograph every texel is blended
-anew without it, and the blend is rendered for it: where it stands and lies in the light as is said, or elsewhere.
-The representatives know the photograph, if it is trusted, for a part of what they come from.
+A rough model of fixed n and N is fitted to the trusted photographs. For each photograph every texel is
+blended anew without it, and the blend is rendered for it: where its camera and its light are said to be, or
+elsewhere. A trusted photograph still has its share in the representatives.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -115,9 +115,10 @@ class Model:
         to_viewer = of.seen.to_viewer[rows]
         if viewer is not None:
             to_viewer = unit(viewer - of.position[rows]).astype(np.float32)
-        responses: Callable[..., F32] = lambda *a: representative_responses(  # noqa: E731
-            of.basis, self.fitted.representatives, *a
-        )
+
+        def responses(*given: Any) -> F32:
+            return representative_responses(of.basis, self.fitted.representatives, *given)
+
         found = lights.each(
             of.seen.frame[rows],
             of.seen.normal[rows],

@@ -2,16 +2,16 @@
 # SPDX-License-Identifier: MIT
 """Which photographs cannot be what the others foretell of them: exposure, pose, light.
 
-A rough model of all trusted photographs foretells each from the others. The few that it foretells badly, or that
-a small displacement helps, are candidates: a model without the candidate says what is wrong with it, and its verdict
-stands if the size is beyond what sound photographs show. Of several, the one without which the others agree best is
-taken out, and all is asked again.
+A rough model of all trusted photographs foretells each from the others. The few that it foretells badly, or
+that a small displacement helps, are candidates: a model without the candidate says what is wrong with it, and
+its verdict stands if the size is beyond what sound photographs show. Of several, the one without which the
+others agree best is taken out, and all is asked again.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -170,12 +170,12 @@ def _evidence(court: Court, model: Model, frame: int, closely: bool = False) -> 
     """What a model says of a frame; ``closely``, also what would explain it, the model being without it."""
     d = court.displacements(model, frame)
     name = court.frames[frame].name
-    if len(d.difference) < FEWEST:
+    if len(d.exposure) < FEWEST:
         return Evidence(name)
-    middle = float(np.median(d.difference))
-    spread = 1.4826 * float(np.median(np.abs(d.difference - middle)))
-    error = 1.2533 * spread / np.sqrt(len(d.difference) / CORRELATED)
-    r, g, b = (float(c) for c in np.exp(d.channels))
+    middle = float(np.median(d.exposure))
+    spread = 1.4826 * float(np.median(np.abs(d.exposure - middle)))
+    error = 1.2533 * spread / np.sqrt(len(d.exposure) / CORRELATED)
+    r, g, b = (float(c) for c in np.exp(np.median(d.channels, axis=0)))
     plain = Evidence(
         name, len(d.difference), float(np.exp(middle)), float(error), (r, g, b), misfit(d.difference)
     )
@@ -183,7 +183,7 @@ def _evidence(court: Court, model: Model, frame: int, closely: bool = False) -> 
         return plain
     others = [i for i in range(len(court.frames)) if model.trusted[i]]
     each = [court.displacements(model, i) for i in others]
-    medians = np.array([np.median(e.difference) for e in each if len(e.difference) >= FEWEST])
+    medians = np.array([np.median(e.exposure) for e in each if len(e.exposure) >= FEWEST])
     usual = float(np.nanmedian([misfit(e.difference) for e in each]))
     tried: list[tuple[Kind, str, Displaced]] = [
         ("pose", "object", d.pose("object")),
@@ -191,9 +191,9 @@ def _evidence(court: Court, model: Model, frame: int, closely: bool = False) -> 
         ("light", "", d.light(court.axis(frame))),
     ]
     kind, about, best = min(tried, key=lambda t: t[2].misfit)
-    if best.gain > EXPLAINED and best.without - best.misfit > EXPLAINED_MISFIT:
-        if best.degrees >= FEWEST_DEGREES[kind]:
-            return replace(plain, kind=kind, about=about, degrees=best.degrees, explained=best.misfit)
+    explains = best.gain > EXPLAINED and best.without - best.misfit > EXPLAINED_MISFIT
+    if explains and best.degrees >= FEWEST_DEGREES[kind]:
+        return replace(plain, kind=kind, about=about, degrees=best.degrees, explained=best.misfit)
     sure = SURE * max(error, 1.4826 * float(np.median(np.abs(medians))) if len(medians) else np.inf)
     if abs(middle) > max(SLIPPED, sure):
         return replace(plain, kind="exposure")
@@ -206,7 +206,7 @@ def _all_scales(court: Court, model: Model, trusted: Bool, evidence: list[Eviden
     """Every frame's scale against all others', with a mean logarithm of 0 over the trusted ones."""
     scale = np.zeros(len(evidence))
     for _ in range(ROUNDS_OF_ALL):
-        found = np.array([np.median(d.difference) if len(d.difference) else 0.0 for d in court.each(model)])
+        found = np.array([np.median(d.exposure) if len(d.exposure) else 0.0 for d in court.each(model)])
         # What is foretold knows the scales so far, what is shown does not.
         scale = np.where(np.isfinite(found), found, 0.0)
         scale -= scale[trusted].mean()

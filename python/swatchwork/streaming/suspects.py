@@ -119,8 +119,8 @@ class Diagnosis:
             advice = 'Check its "exposure", and that automatic exposure and white balance were off.'
         elif frame.kind == "disagrees":
             what = (
-                f"shows something else than the other photographs foretell (misfit {frame.misfit:.2f}, theirs "
-                f"{usual:.2f}), and neither its exposure nor a turn of its camera or light explains it"
+                f"shows something else than the other photographs foretell (misfit {frame.misfit:.2f}, "
+                f"theirs {usual:.2f}), and neither its exposure nor a turn of its camera or light explains it"
             )
             advice = "Check that it belongs to this object, and its pose, mask and light."
         else:
@@ -152,9 +152,7 @@ class Diagnosis:
         ]
         return {
             "options": asdict(self.options),
-            "frames": [
-                asdict(frame) | {"done": what} for frame, what in zip(self.frames, done, strict=True)
-            ],
+            "frames": [asdict(frame) | {"done": what} for frame, what in zip(self.frames, done, strict=True)],
         }
 
     def arrays(self) -> dict[str, Array]:

@@ -4,6 +4,7 @@
 
 from ..reconstruct import ReconstructOptions
 from ..solve import SolveOptions
+from ..streaming import FrameOptions
 from .analysing import AnalysisSummary, analyze_views
 from .checking import CheckSummary, check_capture
 from .costs import CostRecorder, StageCost
@@ -28,6 +29,7 @@ __all__ = [
     "CostRecorder",
     "DemoSummary",
     "ExportSummary",
+    "FrameOptions",
     "PairsSummary",
     "PlanSummary",
     "ReconstructOptions",

@@ -9,12 +9,15 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from typing import Any
 
+import numpy as np
+
 from .. import report as page
 from ..capture import Capture, Frame, read_photograph
 from ..light import Environment
 from ..material import Material
 from ..reconstruct import Reconstruction
 from ..relight import RelitScene, render
+from ..streaming import Diagnosis
 from .costs import StageCost
 from .pictures import (
     ERROR_SCALE,
@@ -29,6 +32,8 @@ from .pictures import (
 )
 
 SHOWN_VIEWS = 3
+KINDS = {"exposure": "its exposure", "pose": "its pose", "light": "its light", "disagrees": "it disagrees"}
+"""What is wrong with a photograph, in a word or two."""
 
 
 def reconstruction_report(
@@ -47,8 +52,9 @@ def reconstruction_report(
         photograph, camera = at_page_size(read_photograph(frame), frame.camera, found.mesh)
         light = environment_of(found, capture, frame)
         rendered = render(scene, camera, light, samples=1)
+        shown = photograph.radiance / np.float32(found.frames.scale[capture.frames.index(frame)])
         comparison, exposure = compare_pictures(
-            frame.name, photograph.radiance, photograph.alpha, rendered, valid=photograph.valid
+            frame.name, shown, photograph.alpha, rendered, valid=photograph.valid
         )
         views.append(comparison)
         exposures.append(exposure)
@@ -78,6 +84,7 @@ def reconstruction_report(
             else "Every point is in at least one photograph."
         ),
         trust=trust_picture(material) if material.trust else None,
+        photographs=photograph_rows(found.frames),
         maps=map_pictures(small),
         trials=tuple(page.Trial(t.n, t.N, t.objective) for t in found.solution.history),
         chosen=(material.n, material.N),
@@ -94,6 +101,22 @@ def reconstruction_report(
         costs=tuple(page.StageCost(c.name, c.seconds, c.peak_mb) for c in costs),
         next_steps=next_steps(capture),
         version=version("swatchwork"),
+    )
+
+
+def photograph_rows(frames: Diagnosis) -> tuple[page.PhotographRow, ...]:
+    """Each photograph against the others, for the page; none where they could not be compared."""
+    if not any(frame.points for frame in frames.frames):
+        return ()
+    done = [
+        "left out" if out else f"scaled by 1 / {scale:.3g}" if scale != 1 else "kept" if frame.kind else ""
+        for frame, out, scale in zip(frames.frames, frames.left_out, frames.scale, strict=True)
+    ]
+    return tuple(
+        page.PhotographRow(
+            frame.name, frame.scale, frame.misfit, KINDS.get(frame.kind, ""), what, bool(frame.points)
+        )
+        for frame, what in zip(frames.frames, done, strict=True)
     )
 
 
