@@ -40,7 +40,7 @@ from swatchwork.surface import build_atlas, read_mesh
 from swatchwork.workflow.pages import relit
 
 VIEWS, SIZE, ROWS, BAD = 10, 128, 48, 3
-RESOLUTION, TEXELS = 96, 300
+RESOLUTION, TEXELS = 64, 200
 RATIO = 1.3
 """NRMS as diagnosed over that with the photograph left out by hand, at most."""
 REAL = ("igea-merl", "sphere-merl", "spot-merl-interreflect")
@@ -58,7 +58,8 @@ FAULTS: dict[str, tuple[Fault, str]] = {
 }
 MUST = ("exposure x 2", "pose 5 degrees about the object", "pose 5 degrees about the camera")
 """Faults that the issue asks to be named."""
-COSTED = (*MUST, "exposure x 1.2", "light 15 degrees")
+COSTED = list(MUST)
+"""Those whose NRMS is measured, unless other ones are named."""
 
 
 def centre_of(capture: Capture) -> np.ndarray:
@@ -179,7 +180,7 @@ def main() -> None:
     parser.add_argument("--captures", type=Path, help="folder of capture folders")
     parser.add_argument("--shapes", nargs="+", default=["sphere", "blob", "knot"])
     parser.add_argument("--seeds", type=int, default=2)
-    parser.add_argument("--nrms", nargs="*", choices=list(FAULTS), default=list(COSTED))
+    parser.add_argument("--nrms", nargs="*", choices=list(FAULTS), default=COSTED)
     parser.add_argument(
         "--noises", type=float, nargs="*", default=[0.0, 3.0, 5.0], help="of sound captures, %%"
     )

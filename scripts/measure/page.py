@@ -323,8 +323,8 @@ def frames_section(figures: Figures) -> str:
     return f"""{source(figures)}
 
 One of {frames.VIEWS} photographs is wrong; what `reconstruct` says of it, and novel-light NRMS in %: *as is*
-(`--keep-suspects`), *diagnosed*, *left out* by hand, and of the *clean* capture; *ratio* is diagnosed over left
-out. Atlas {frames.RESOLUTION}, {frames.TEXELS} texels, n = 2 and N = 4 given, alike in all columns. Of the
+(`--keep-suspects`), *diagnosed*, *left out* by hand, and of the *clean* capture; *ratio* is diagnosed over
+left out. Atlas {frames.RESOLUTION}, {frames.TEXELS} texels, n = 2 and N = 4 given, alike in all columns. Of the
 {len(light)} milder faults {sum(not row["named"] for row in light)} are not named; the kind is wrong, or none,
 in {wrong} of all {len(rows)}.
 
