@@ -17,7 +17,7 @@ import argparse
 import tempfile
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -103,12 +103,11 @@ def novel(capture: Capture, keep: bool) -> float:
     return total.nrms
 
 
-def measure(scene: Scene, costed: list[str]) -> list[dict[str, Any]]:
+def measure(scene: Scene, costed: list[str]) -> Iterator[dict[str, Any]]:
     """A row for each fault."""
     without = tuple(frame for i, frame in enumerate(scene.capture.frames) if i != BAD)
     by_hand = novel(replace(scene.capture, frames=without), True) if costed else None
     clean = novel(scene.capture, True) if costed else None
-    rows = []
     for name, (fault, kind) in FAULTS.items():
         capture = fault(scene.capture)
         found, seconds = scene.diagnosed(capture)
@@ -128,9 +127,8 @@ def measure(scene: Scene, costed: list[str]) -> list[dict[str, Any]]:
         if name in costed:
             row |= {"as_is": novel(capture, True), "diagnosed": novel(capture, False)}
             row |= {"left_out": by_hand, "clean": clean}
-        rows.append(row)
         print(results.table(HEAD, [cells(row)]), flush=True)
-    return rows
+        yield row
 
 
 def alarms(name: str, scene: Scene) -> dict[str, Any]:
@@ -208,14 +206,17 @@ def main() -> None:
             for seed in range(args.seeds):
                 scene = made_up(shape, seed, 1.0)
                 sound.append(alarms(f"{shape}, seed {seed}, 1 % noise", scene))
-                rows += measure(scene, args.nrms if seed == 0 else [])
-                note()
+                for row in measure(scene, args.nrms if seed == 0 else []):
+                    rows.append(row)
+                    note()
         if args.captures:
             for name in REAL:
                 whole = read_capture(args.captures / name)
                 sound.append(alarms(name, Scene(name, whole)))
-                if name == REAL[0]:
-                    rows += measure(Scene(f"{name}, k={VIEWS}", whole.first(VIEWS)), args.nrms)
+                note()
+            first = read_capture(args.captures / REAL[0]).first(VIEWS)
+            for row in measure(Scene(f"{REAL[0]}, k={VIEWS}", first), args.nrms):
+                rows.append(row)
                 note()
         for noise in args.noises:
             for shape in args.shapes:

@@ -320,13 +320,14 @@ def frames_section(figures: Figures) -> str:
         ratio = max(row["diagnosed"] / row["left_out"] for row in costed)
         verdicts.append(("those: worst NRMS over leaving out by hand", ratio, frames.RATIO, "x"))
     wrong = sum(not row["right"] for row in rows)
+    unnamed = sum(not row["named"] for row in light)
     return f"""{source(figures)}
 
 One of {frames.VIEWS} photographs is wrong; what `reconstruct` says of it, and novel-light NRMS in %: *as is*
 (`--keep-suspects`), *diagnosed*, *left out* by hand, and of the *clean* capture; *ratio* is diagnosed over
-left out. Atlas {frames.RESOLUTION}, {frames.TEXELS} texels, n = 2 and N = 4 given, alike in all columns. Of the
-{len(light)} milder faults {sum(not row["named"] for row in light)} are not named; the kind is wrong, or none,
-in {wrong} of all {len(rows)}.
+left out. Atlas {frames.RESOLUTION}, {frames.TEXELS} texels, n = 2 and N = 4 given, alike in all columns. Of
+the {len(light)} milder faults {unnamed} are not named; the kind is wrong, or none, in
+{wrong} of all {len(rows)}.
 
 {results.verdicts(verdicts)}
 
