@@ -43,8 +43,8 @@ a quarter of a sound one's, two degrees over 0.4 of a wrong one's (docs/validati
 FEWEST_DEGREES = {"pose": 1.5, "light": 3.0}
 ALIEN, ALIEN_TIMES = 0.5, 2.5
 """Misfit, and times the others', of what nothing explains."""
-ODD, PROBED, OFF = 1.5, 0.1, 0.05
-"""Candidates: times the typical misfit, share that a small displacement explains, logarithm of exposure."""
+ODD, PROBED, OFF = 0.4, 0.1, 0.05
+"""Of candidates, one of: misfit, share of it that a small displacement explains, logarithm of exposure."""
 ROUNDS_OF_ALL = 4
 """Of scales for all photographs, which lean on one another."""
 
@@ -157,15 +157,16 @@ def _candidates(court: Court, model: Model, trusted: Bool) -> list[int]:
     raw = np.where(trusted, _raw(each), np.nan)
     if not np.isfinite(raw).any():
         return []
-    bar = ODD * float(np.nanmedian(raw))
-    chosen = []
+    # What is displaced fits worse than the typical photograph: the better half is not probed.
+    middle = float(np.nanmedian(raw))
+    chosen: list[int] = []
     for frame in map(int, np.argsort(-np.nan_to_num(raw, nan=-1.0))):
-        if not np.isfinite(raw[frame]):
-            continue
-        off = abs(float(np.median(each[frame].difference))) > OFF
-        if raw[frame] > bar or off or each[frame].probed(court.axis(frame)) > PROBED:
+        if len(chosen) == CANDIDATES or not np.isfinite(raw[frame]):
+            break
+        odd = raw[frame] > ODD or abs(float(np.median(each[frame].difference))) > OFF
+        if odd or (raw[frame] > middle and each[frame].probed(court.axis(frame)) > PROBED):
             chosen.append(frame)
-    return chosen[:CANDIDATES]
+    return chosen
 
 
 def _evidence(court: Court, model: Model, frame: int, closely: bool = False) -> Evidence:
