@@ -46,8 +46,8 @@ class Stage:
         return Rendering(observe(capture, self.atlas, self.scene), Lights.of_capture(capture), self.sky)
 
     def diagnosed(self, capture: Capture, options: FrameOptions | None = None) -> Diagnosis:
-        centre = self.scene.centre
-        return diagnose(self.rendering(capture), basis_by_name("extended"), capture.frames, centre, options)
+        basis, centre = basis_by_name("extended"), self.scene.centre
+        return diagnose(self.rendering(capture), basis, capture, centre, options)
 
 
 @pytest.fixture(scope="module")

@@ -94,7 +94,7 @@ def reconstruct(
         lights, how = Lights.of_capture(capture), options.solve
         rendering = Rendering(observations, lights, sky, options.weighting)
     with progress.stage("frames"):
-        given = (capture.frames, scene.centre, options.frames, how.seed)
+        given = (capture, scene.centre, options.frames, how.seed)
         frames = diagnose(rendering, basis, *given, progress, keeper)
         if frames.changes:
             observations = observations.corrected(frames.scale, frames.left_out)

@@ -81,7 +81,7 @@ class Scene:
         observations = observe(capture, self.atlas, self.scene)
         rendering = Rendering(observations, Lights.of_capture(capture), self.sky)
         basis, start = basis_by_name("extended"), time.perf_counter()
-        found = diagnose(rendering, basis, capture.frames, self.scene.centre)
+        found = diagnose(rendering, basis, capture, self.scene.centre)
         return found, time.perf_counter() - start
 
 

@@ -10,13 +10,15 @@ others agree best is taken out, and all is asked again.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from ..arrays import F64, Bool
-from ..capture import Frame
+from ..capture import Capture, Frame
+from ..errors import CaptureWarning
 from ..keeping import IN_MEMORY, Keeper
 from ..light import vertical
 from ..observe import Rendering, SmallPicture
@@ -84,7 +86,7 @@ class Court:
 def diagnose(
     rendering: Rendering,
     basis: GenericBasis,
-    frames: Sequence[Frame],
+    capture: Capture,
     centre: F64,
     options: FrameOptions | None = None,
     seed: int = 0,
@@ -94,16 +96,22 @@ def diagnose(
     """Compare each photograph with what the others foretell of it, and say what is to be done with it.
 
     Args:
-        frames: of ``rendering``'s observations, in their order.
+        capture: whose frames ``rendering`` is of.
         centre: [3] of the object, which a pose may be turned about.
+
+    Warns:
+        CaptureWarning: for each photograph that cannot be right, with what is done with it.
     """
-    options = options or FrameOptions()
+    options, frames = options or FrameOptions(), capture.frames
 
     def judge() -> Diagnosis:
         with progress.stage("Comparing photographs"):
             return _judged(rendering, basis, frames, centre, options, seed)
 
-    return Diagnosis.of(keeper.kept("frames", lambda: judge().arrays()))
+    found = Diagnosis.of(keeper.kept("frames", lambda: judge().arrays()))
+    for words in found.in_words():
+        warnings.warn(CaptureWarning(f"{capture.file}: {words}"), stacklevel=3)
+    return found
 
 
 def _judged(

@@ -27,7 +27,6 @@ from ..progress import SILENT, Progress
 from ..reconstruct import Reconstruction, ReconstructOptions, reconstruct
 from ..report import Report, write_report
 from ..response import instruction_sets
-from ..streaming import Diagnosis
 from ..surface import buffers_of
 from ..viewer import bundled_script, write_viewer
 from .checkpoints import checkpoints
@@ -149,7 +148,6 @@ def recover(
             with costs.stage("write"):
                 material = material_of(found, prints, trust, spread)
                 warn_of_bright_materials(material, capture)
-                warn_of_suspect_photographs(found.frames, capture)
                 summary = summarise(found, capture, output, start, costs.costs, resumed)
                 report = reconstruction_report(found, capture, material, costs.costs, said, summary.as_dict())
                 if viewer:
@@ -257,16 +255,6 @@ def warn_of_bright_materials(material: Material, capture: Capture) -> None:
             "one exposure and unit: the frames' exposure values, and the light probe's scale and its sun."
         )
         warnings.warn(CaptureWarning(message), stacklevel=3)
-
-
-def warn_of_suspect_photographs(frames: Diagnosis, capture: Capture) -> None:
-    """Say which photographs the others do not agree with, and what was done with them.
-
-    Warns:
-        CaptureWarning: for each of them.
-    """
-    for words in frames.in_words():
-        warnings.warn(CaptureWarning(f"{capture.file}: {words}"), stacklevel=3)
 
 
 def key_of(prints: dict[str, str], options: ReconstructOptions) -> dict[str, Any]:
