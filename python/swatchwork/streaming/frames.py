@@ -45,6 +45,9 @@ a quarter of a sound one's, two degrees over 0.4 of a wrong one's (docs/validati
 FEWEST_DEGREES = {"pose": 1.5, "light": 3.0}
 ALIEN, ALIEN_TIMES = 0.5, 2.5
 """Misfit, and times the others', of what nothing explains."""
+MANY, OVERLAP = 150, 0.9
+"""Points, or else a mask that disagrees with the mesh, without which that is no reason: what two others
+foretell of a photograph from a side of its own may be as wrong."""
 ODD, PROBED, OFF = 0.4, 0.1, 0.05
 """Of candidates, one of: misfit, share of it that a small displacement explains, logarithm of exposure."""
 ROUNDS_OF_ALL = 4
@@ -66,6 +69,7 @@ class Court:
         self.foretold = Foretold(rendering, basis, seed)
         self.pictures = [SmallPicture.kept(kept) for kept in rendering.observations.samples]
         self.plain = np.ones(len(frames))
+        self.overlap = [float(kept.rows("overlap")[0]) for kept in rendering.observations.samples]
         if len(self.foretold.texels):
             self.typical = float(np.median(self.foretold.radiance.mean(axis=1)))
 
@@ -208,7 +212,8 @@ def _evidence(court: Court, model: Model, frame: int, closely: bool = False) -> 
     sure = SURE * max(error, 1.4826 * float(np.median(np.abs(medians))) if len(medians) else np.inf)
     if abs(middle) > max(SLIPPED, sure):
         return replace(plain, kind="exposure")
-    if plain.misfit > max(ALIEN, ALIEN_TIMES * usual):
+    judged = plain.points >= MANY or court.overlap[frame] < OVERLAP
+    if judged and plain.misfit > max(ALIEN, ALIEN_TIMES * usual):
         return replace(plain, kind="disagrees")
     return plain
 
