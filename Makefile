@@ -86,6 +86,7 @@ validate: setup ## measure exactness, blends, captures, photographs (hours); wri
 	$(BIN)/python scripts/measure/captures.py --captures $(CAPTURES) --json $(FIGURES)/captures.json
 	$(BIN)/python scripts/measure/planning.py --json $(FIGURES)/planning.json
 	$(BIN)/python scripts/measure/confidence.py --data $(DATA) --captures $(CAPTURES) --json $(FIGURES)/confidence.json
+	$(BIN)/python scripts/measure/frames.py --captures $(CAPTURES) --json $(FIGURES)/frames.json
 	$(BIN)/python scripts/measure/silhouettes.py --captures $(CAPTURES) --json $(FIGURES)/silhouettes.json
 	$(BIN)/python scripts/measure/photographs.py --data $(DATA) --ablations --cameras jpeg linear16 --picture docs/photographs.jpg --json $(FIGURES)/photographs.json
 	$(BIN)/python scripts/measure/viewer.py --captures $(CAPTURES) --json $(FIGURES)/viewer.json

@@ -13,7 +13,15 @@ from .observe import Lights, NoiseModel, Observations, Rendering, Weighting, obs
 from .progress import SILENT, Progress
 from .reflectance import GenericBasis, basis_by_name
 from .solve import Solution, SolveOptions
-from .streaming import Budget, TexelBlend, blend_every_texel, solve_on_subset
+from .streaming import (
+    Budget,
+    Diagnosis,
+    FrameOptions,
+    TexelBlend,
+    blend_every_texel,
+    diagnose,
+    solve_on_subset,
+)
 from .surface import (
     Atlas,
     Mesh,
@@ -44,6 +52,8 @@ class ReconstructOptions:
     """Of the photographs; None: estimated from them."""
     memory: float = 2.0
     """GB that the search and the tiles may take beside atlas and photograph, about."""
+    frames: FrameOptions = field(default_factory=FrameOptions)
+    """What is done with photographs that the others do not agree with."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +67,8 @@ class Reconstruction:
     basis: GenericBasis
     solution: Solution
     blend: TexelBlend
+    frames: Diagnosis
+    """Each photograph against the others; ``observations`` and ``rendering`` are without those left out."""
 
 
 def reconstruct(
@@ -81,12 +93,18 @@ def reconstruct(
         sky = shadows_of(scene, atlas, progress, keeper)
     with progress.stage("observe"):
         observations = observe(capture, atlas, scene, progress=progress, keeper=keeper, noise=options.noise)
-        rendering = Rendering(observations, Lights.of_capture(capture), sky, options.weighting)
+        lights, how = Lights.of_capture(capture), options.solve
+        rendering = Rendering(observations, lights, sky, options.weighting)
+    with progress.stage("frames"):
+        given = (capture, scene.centre, options.frames, how.seed)
+        frames = diagnose(rendering, basis, *given, progress, keeper)
+        if frames.changes:
+            observations = observations.corrected(frames.scale, frames.left_out)
+            rendering = Rendering(observations, lights, sky, options.weighting)
     solution = solve_on_subset(rendering, basis, options.texels, options.solve, budget, progress, keeper)
     with progress.stage("blend"):
-        how = options.solve
         blend = blend_every_texel(rendering, basis, solution, how.search, how.seed, budget, progress, keeper)
-    return Reconstruction(mesh, scene, observations, rendering, basis, solution, blend)
+    return Reconstruction(mesh, scene, observations, rendering, basis, solution, blend, frames)
 
 
 def surface_of(

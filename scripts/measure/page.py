@@ -4,8 +4,8 @@
 
     python scripts/measure/page.py --figures target/validation --page docs/validation.md
 
-Reads the .json of each of SECTIONS, whichever are there. Every verdict is computed from them against the bounds
-below; the page names command and commit of each figure.
+Reads the .json of each of SECTIONS, whichever are there. Every verdict is computed from them against the
+bounds below; the page names command and commit of each figure.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import captures
 import confidence
 import exactness
 import exports
+import frames
 import photographs_page
 import planning
 import results
@@ -333,6 +334,40 @@ console or asked for anything but itself.
 """
 
 
+def frames_section(figures: Figures) -> str:
+    rows, sound = figures["rows"], figures["sound"]
+    must = [row for row in rows if row["fault"] in frames.MUST]
+    costed = [row for row in must if "as_is" in row]
+    light = [row for row in rows if row["fault"] not in frames.MUST]
+    verdicts: list[results.Verdict] = [
+        (f"of {len(must)} that must be named: not named", sum(not row["named"] for row in must), 0, ""),
+        ("named beside the wrong one", sum(row["others"] for row in rows), 0, ""),
+        (f"named in {len(sound)} sound captures", sum(row["named"] for row in sound), 0, ""),
+    ]
+    if costed:
+        ratio = max(row["diagnosed"] / row["left_out"] for row in costed)
+        verdicts.append(("those: worst NRMS over leaving out by hand", ratio, frames.RATIO, "x"))
+    wrong = sum(not row["right"] for row in rows)
+    unnamed = sum(not row["named"] for row in light)
+    return f"""{source(figures)}
+
+One of {frames.VIEWS} photographs is wrong; what `reconstruct` says of it, and novel-light NRMS in %: *as is*
+(`--keep-suspects`), *diagnosed*, *left out* by hand, and of the *clean* capture; *ratio* is diagnosed over
+left out. Atlas {frames.RESOLUTION}, {frames.TEXELS} texels, n = 2 and N = 4 given, alike in all columns. Of
+the {len(light)} milder faults {unnamed} are not named; the kind is wrong, or none, in
+{wrong} of all {len(rows)}.
+
+{results.verdicts(verdicts)}
+
+{results.table(frames.HEAD, [frames.cells(row) for row in rows], markdown=True)}
+
+Sound captures: photographs named, the largest scale that one of them is measured to have against the others,
+and the largest misfit (0 to 1).
+
+{results.table(frames.ALARM_HEAD, [frames.alarm_cells(row) for row in sound], markdown=True)}
+"""
+
+
 SECTIONS: dict[str, tuple[str, Callable[[Figures], str]]] = {
     "forward_model": ("Forward model", forward_section),
     "exactness": ("Exactness", exactness_section),
@@ -343,6 +378,7 @@ SECTIONS: dict[str, tuple[str, Callable[[Figures], str]]] = {
     "captures": ("Captures of measured materials", captures_section),
     "planning": ("Planned views", planning_section),
     "confidence": ("Expected errors", confidence_section),
+    "frames": ("Suspect photographs", frames_section),
     "silhouettes": ("Poses by silhouettes", silhouettes_section),
     "photographs": (
         "From photographs",

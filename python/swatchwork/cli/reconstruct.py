@@ -37,7 +37,16 @@ class Weighting(StrEnum):
     equal = "equal"
 
 
+class FrameScale(StrEnum):
+    """Which photographs' exposures are corrected."""
+
+    off = "off"
+    suspects = "suspects"
+    all = "all"
+
+
 MATERIALS = "How many materials"
+PHOTOGRAPHS = "Suspect photographs"
 SEARCH = "The search"
 
 
@@ -174,6 +183,22 @@ def reconstruct(
             rich_help_panel=SEARCH,
         ),
     ] = 2.0,
+    frame_scale: Annotated[
+        FrameScale,
+        typer.Option(
+            help="Whose exposure is corrected by what the other photographs foretell: of none, so that a "
+            "suspect is left out, of suspects, or of every photograph.",
+            rich_help_panel=PHOTOGRAPHS,
+        ),
+    ] = FrameScale.suspects,
+    keep_suspects: Annotated[
+        bool,
+        typer.Option(
+            "--keep-suspects",
+            help="Name photographs whose exposure, pose or light looks wrong, but use them as they are.",
+            rich_help_panel=PHOTOGRAPHS,
+        ),
+    ] = False,
     viewer: Annotated[
         bool, typer.Option("--viewer/--no-viewer", help="Also write viewer.html, the interactive page.")
     ] = True,
@@ -201,7 +226,7 @@ def reconstruct(
     if n is not None and N is not None and n > N:
         raise InputError(f"--n is {n} and --N is {N}", expected="n no larger than N")
     use_threads(threads)
-    from ..workflow import NoiseModel, ReconstructOptions, SolveOptions, reconstruct_folder
+    from ..workflow import FrameOptions, NoiseModel, ReconstructOptions, SolveOptions, reconstruct_folder
 
     solve = SolveOptions(
         n=n,
@@ -216,7 +241,10 @@ def reconstruct(
         seed=seed,
     )
     given = None if noise is None else NoiseModel(*_pair(noise))
-    options = ReconstructOptions(resolution, basis.value, texels, solve, weighting.value, given, memory)
+    frames = FrameOptions(frame_scale.value, keep_suspects)
+    options = ReconstructOptions(
+        resolution, basis.value, texels, solve, weighting.value, given, memory, frames
+    )
     with session(as_json=as_json, quiet=quiet, verbose=verbose) as run:
         summary = reconstruct_folder(
             capture, output, options, views=views, viewer=viewer, progress=run.progress

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: MIT
 """Light: environment maps as functions of direction, in three conventions, and on the octahedral square."""
 
-from swatchwork.light.conventions import direction_from_uv, solid_angles, uv_from_direction
+from swatchwork.light.conventions import direction_from_uv, solid_angles, uv_from_direction, vertical
 from swatchwork.light.environment import Environment, read_environment
 
 __all__ = [
@@ -11,4 +11,5 @@ __all__ = [
     "read_environment",
     "solid_angles",
     "uv_from_direction",
+    "vertical",
 ]

@@ -104,6 +104,16 @@ def solid_angles(convention: str, height: int, width: int) -> F64:
     return np.asarray(np.repeat(rows[:, None], width, axis=1))
 
 
+def vertical(convention: str, world_from_environment: F64) -> F64:
+    """The world's direction F64[3] that an environment's up axis points along.
+
+    Raises:
+        InputError: unknown convention.
+    """
+    check_convention(convention)
+    return np.asarray(world_from_environment[:, 2 if convention == "blender" else 1], dtype=np.float64)
+
+
 def _floating(values: Any) -> Floats:
     array = np.asarray(values)
     return array if array.dtype == np.float32 else np.asarray(array, dtype=np.float64)

@@ -5,6 +5,7 @@
 from swatchwork.observe.noise import NoiseModel, noise_shares
 from swatchwork.observe.observations import Observations, observe
 from swatchwork.observe.rendering import Lights, Pairs, Rendering, Weighting, stratified
+from swatchwork.observe.small import SmallPicture
 
 __all__ = [
     "Lights",
@@ -12,6 +13,7 @@ __all__ = [
     "Observations",
     "Pairs",
     "Rendering",
+    "SmallPicture",
     "Weighting",
     "noise_shares",
     "observe",

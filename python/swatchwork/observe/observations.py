@@ -11,13 +11,14 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from swatchwork.arrays import F32, F64, I32, I64, U16, dot, unit
+from swatchwork.arrays import F32, F64, I32, I64, U16, Bool, dot, unit
 from swatchwork.capture import Capture, Frame, Photograph, read_photograph
 from swatchwork.errors import CaptureWarning, InputError
 from swatchwork.keeping import IN_MEMORY, Array, Keeper, Kept
 from swatchwork.observe.noise import NoiseModel, fitted_noise, noise_levels
 from swatchwork.observe.pixels import PixelMap, pixel_map
 from swatchwork.observe.sample import sample
+from swatchwork.observe.small import SmallPicture
 from swatchwork.progress import SILENT, Progress
 from swatchwork.surface import Atlas, RayScene, sees
 
@@ -73,6 +74,26 @@ class Observations:
     def __len__(self) -> int:
         return int(self.starts[:, -1].sum())
 
+    def corrected(self, scale: F64, left_out: Bool) -> Observations:
+        """The observations with each frame's radiance over its ``scale`` [k], those ``left_out`` [k] empty.
+
+        Frames keep their numbers.
+
+        Raises:
+            InputError: no frame is left.
+        """
+        if left_out.all():
+            raise InputError("all photographs are left out", expected="at least one that counts")
+        samples = tuple(
+            kept if factor == 1 and not out else _Corrected(kept, float(factor), bool(out))
+            for kept, factor, out in zip(self.samples, scale, left_out, strict=True)
+        )
+        coverage = self.coverage.copy()
+        for kept in (kept for kept, out in zip(self.samples, left_out, strict=True) if out):
+            coverage[kept.rows("texel")] -= 1
+        starts = np.where(left_out[:, None], 0, self.starts)
+        return Observations(self.atlas, self.viewer, samples, coverage, starts, self.noise)
+
     @property
     def seen(self) -> I32:
         """Texels that some view sees."""
@@ -122,6 +143,21 @@ class Observations:
             (kept.rows("radiance")[::stride].astype(np.float64) ** 2).sum(axis=1) for kept in self.samples
         ]
         return max(float(np.median(np.concatenate(energy))), 1e-30)
+
+
+@dataclass(frozen=True)
+class _Corrected:
+    """A frame's samples over a scale, or none of them."""
+
+    kept: Kept
+    scale: float
+    left_out: bool
+
+    def rows(self, name: str, first: int = 0, last: int | None = None) -> Array:
+        if self.left_out:
+            first, last = 0, 0
+        rows = self.kept.rows(name, first, last)
+        return rows / np.float32(self.scale) if name == "radiance" else rows
 
 
 def observe(
@@ -185,12 +221,9 @@ def _sampled(
     if not kept.any():
         raise _nothing_seen(capture, frame, len(texel))
     overlap = np.array([_overlap(photograph, pixels)])
-    return {
-        "texel": texel[kept].astype(np.int32),
-        "radiance": radiance[kept],
-        "overlap": overlap,
-        "noise": noise_levels(photograph),
-    }
+    small = SmallPicture.of(photograph, frame.camera, pixels, scene.meshes[0].vertices)
+    found: dict[str, Array] = {"texel": texel[kept].astype(np.int32), "radiance": radiance[kept]}
+    return found | {"overlap": overlap, "noise": noise_levels(photograph)} | small.arrays()
 
 
 def _overlap(photograph: Photograph, pixels: PixelMap) -> float:

@@ -10,7 +10,7 @@ from pathlib import Path
 from ..whole import whole_text
 from .curves import curve_plot
 from .html import Html
-from .model import Comparison, Figure, Picture, Report, StageCost, Trial
+from .model import Comparison, Figure, PhotographRow, Picture, Report, StageCost, Trial
 from .page import render_page
 from .pictures import PALETTE, blend_colours, crop_box, display, exposure_for, heat, relative_error, shrink
 from .sheet import Section, Sheet, render_sheet
@@ -20,6 +20,7 @@ __all__ = [
     "Comparison",
     "Figure",
     "Html",
+    "PhotographRow",
     "Picture",
     "Report",
     "Section",

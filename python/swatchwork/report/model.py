@@ -50,6 +50,21 @@ class StageCost:
 
 
 @dataclass(frozen=True)
+class PhotographRow:
+    """One photograph beside what the others foretell of it."""
+
+    name: str
+    scale: float
+    """Shown over foretold radiance."""
+    misfit: float
+    """From 0 to 1, after that."""
+    wrong: str
+    """What is wrong with it, if anything; ``done`` is what followed."""
+    done: str
+    judged: bool = True
+
+
+@dataclass(frozen=True)
 class Figure:
     """A headline number, in words a newcomer understands."""
 
@@ -76,6 +91,7 @@ class Report:
     """The material under lights that are not the capture's."""
     spheres: tuple[Picture, ...] = ()
     blend_map: Picture | None = None
+    photographs: tuple[PhotographRow, ...] = ()
     maps: tuple[Picture, ...] = ()
     trials: tuple[Trial, ...] = ()
     chosen: tuple[int, int] | None = None

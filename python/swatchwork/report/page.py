@@ -9,6 +9,7 @@ from importlib.resources import files
 
 from .html import Child, Html, el, join
 from .model import Comparison, Figure, Picture, Report
+from .photographs import photographs_together
 from .pictures import PALETTE, data_uri, heat_gradient
 from .plots import search_plot
 
@@ -81,6 +82,7 @@ def _sections(r: Report) -> Html:
         _novel(r),
         _views(r),
         _relit(r),
+        _together(r),
         _materials(r),
         _blend(r),
         _maps(r),
@@ -147,6 +149,17 @@ def _relit(r: Report) -> Html | None:
         return None
     intro = "The material under lights that have nothing to do with the capture's, each at its own exposure."
     return section("Under other lights", intro, el("div", [figure(p) for p in r.relit], cls="hero"))
+
+
+def _together(r: Report) -> Html | None:
+    if not r.photographs:
+        return None
+    intro = (
+        "Each photograph beside what the others foretell of it, at points that they share: how bright it is "
+        "against them, and the misfit that is left after that, from 0 to 1. Gloss and rims are foretold less "
+        "well than matte surfaces that many photographs show: only what stands far out is a suspect."
+    )
+    return section("The photographs against each other", intro, photographs_together(r.photographs))
 
 
 def _materials(r: Report) -> Html | None:

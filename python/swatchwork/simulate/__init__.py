@@ -5,6 +5,7 @@
 from .blends import blend_pattern, dense_weights
 from .captures import SyntheticCapture, simulate_capture
 from .environments import KINDS, procedural_environment
+from .faults import slip_exposure, turn_light, turn_pose
 from .materials import (
     Lobe,
     Recipe,
@@ -62,8 +63,11 @@ __all__ = [
     "satin_materials",
     "shape",
     "simulate_capture",
+    "slip_exposure",
     "spoil_capture",
     "spoiled",
+    "turn_light",
+    "turn_pose",
     "two_of_four",
     "visible_pairs",
 ]

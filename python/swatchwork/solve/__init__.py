@@ -13,6 +13,7 @@ from .blending import Blend, Search, SparseBlend, blend, sparse_blend
 from .options import SolveOptions
 from .penalties import Penalties
 from .problem import Problem
+from .quick import quick
 from .robust import solve_robustly
 from .search import resume, solve
 from .solution import Outliers, Solution, Step
@@ -32,6 +33,7 @@ __all__ = [
     "Trimmed",
     "alternate",
     "blend",
+    "quick",
     "resume",
     "settled_blend",
     "solve",

@@ -5,6 +5,7 @@
 from ..observe import NoiseModel
 from ..reconstruct import ReconstructOptions
 from ..solve import SolveOptions
+from ..streaming import FrameOptions
 from .analysing import AnalysisSummary, analyze_views
 from .checking import CheckSummary, check_capture
 from .costs import CostRecorder, StageCost
@@ -29,6 +30,7 @@ __all__ = [
     "CostRecorder",
     "DemoSummary",
     "ExportSummary",
+    "FrameOptions",
     "NoiseModel",
     "PairsSummary",
     "PlanSummary",

@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from typing import Any
 
+import numpy as np
+
 from .. import report as page
 from ..capture import Camera, Capture, Frame, read_photograph
 from ..light import Environment
@@ -16,6 +18,7 @@ from ..material import Material
 from ..reconstruct import Reconstruction
 from ..relight import RelitScene, render
 from ..simulate import procedural_environment
+from ..streaming import Diagnosis
 from .costs import StageCost
 from .pictures import (
     ERROR_SCALE,
@@ -34,6 +37,8 @@ SHOWN_VIEWS = 3
 RELIT_VIEWS = 2
 MADE_UP = (("a made-up room", "room"), ("a made-up sky", "sky"))
 """Lights that every material is shown under, beside its capture's."""
+KINDS = {"exposure": "its exposure", "pose": "its pose", "light": "its light", "disagrees": "it disagrees"}
+"""What is wrong with a photograph, in a word or two."""
 
 
 def reconstruction_report(
@@ -52,8 +57,9 @@ def reconstruction_report(
         photograph, camera = at_page_size(read_photograph(frame), frame.camera, found.mesh)
         light = environment_of(found, capture, frame)
         rendered = render(scene, camera, light, samples=1)
+        shown = photograph.radiance / np.float32(found.frames.scale[capture.frames.index(frame)])
         comparison, exposure = compare_pictures(
-            frame.name, photograph.radiance, photograph.alpha, rendered, valid=photograph.valid
+            frame.name, shown, photograph.alpha, rendered, valid=photograph.valid
         )
         views.append(comparison)
         exposures.append(exposure)
@@ -85,6 +91,7 @@ def reconstruction_report(
             else "Every point is in at least one photograph."
         ),
         trust=trust_picture(material) if material.trust else None,
+        photographs=photograph_rows(found.frames),
         maps=map_pictures(small),
         trials=tuple(page.Trial(t.n, t.N, t.objective) for t in found.solution.history),
         chosen=(material.n, material.N),
@@ -111,6 +118,22 @@ def under_other_lights(scene: RelitScene, cameras: Sequence[Camera]) -> tuple[pa
         alone(f"under {name}", render(scene, camera, light, samples=1))
         for name, light in lights
         for camera in cameras
+    )
+
+
+def photograph_rows(frames: Diagnosis) -> tuple[page.PhotographRow, ...]:
+    """Each photograph against the others, for the page; none where they could not be compared."""
+    if not any(frame.points for frame in frames.frames):
+        return ()
+    done = [
+        "left out" if out else f"scaled by 1 / {scale:.3g}" if scale != 1 else "kept" if frame.kind else ""
+        for frame, out, scale in zip(frames.frames, frames.left_out, frames.scale, strict=True)
+    ]
+    return tuple(
+        page.PhotographRow(
+            frame.name, frame.scale, frame.misfit, KINDS.get(frame.kind, ""), what, bool(frame.points)
+        )
+        for frame, what in zip(frames.frames, done, strict=True)
     )
 
 

@@ -237,7 +237,9 @@ def material_of(
         normals=found.mesh.normals,
         uv=found.mesh.uv,
         penalties={"lambda0": solution.lambda0, "lambda1": solution.lambda1},
-        solver=solution.summary() | {"weighting": found.rendering.weighting} | left_out_by_frame(found),
+        solver=solution.summary()
+        | {"weighting": found.rendering.weighting, "photographs": found.frames.as_dict()}
+        | left_out_by_frame(found),
         trust=trust,
         spread=spread,
         inputs=prints,
