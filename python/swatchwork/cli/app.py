@@ -18,7 +18,7 @@ from ..errors import SwatchworkError
 from . import prepare
 from .analyze import analyze
 from .check import check
-from .console import stderr
+from .console import plain, stderr
 from .demo import demo
 from .evaluate import evaluate
 from .export import export
@@ -96,7 +96,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED
     except SwatchworkError as error:
-        stderr().print(f"error: {error}", style="bold red", markup=False, soft_wrap=True)
+        stderr().print(f"error: {plain(error)}", style="bold red", markup=False, soft_wrap=True)
         return 2
     except BrokenPipeError:
         return 0

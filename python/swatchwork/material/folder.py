@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from ..capture import exr_in_bands, read_exr_channels
+from ..capture import exr_in_bands, need_file, read_exr_channels, read_json
 from ..errors import InputError, OutputError
 from ..keeping import Array
 from .maps import maps_in_bands
@@ -81,13 +81,17 @@ def read_material(folder: str | PathLike[str]) -> Material:
         # Materials of before it was there have none.
         spread = np.array(head["spread"], dtype=np.float64) if head.get("spread") else None
         trust = ErrorModel.from_dict(head["trust"], len(representatives)) if head.get("trust") else None
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
+    except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
         raise InputError(
             f"a part is missing or malformed ({error!r})",
             file=folder / "svbrdf.json",
             expected="a whole material",
         ) from error
     blend = read_exr_channels(folder / "blend.exr")
+    if not 1 <= n <= len(blend):
+        raise InputError(
+            f"n is {n}", file=folder / "svbrdf.json", expected="a number of channels in blend.exr"
+        )
     wanted = [f"{kind}.{i}" for kind in ("index", "weight") for i in range(n)]
     missing = [name for name in [*wanted, "coverage", "residual"] if name not in blend]
     if missing:
@@ -121,8 +125,8 @@ def read_material(folder: str | PathLike[str]) -> Material:
 def is_material_folder(folder: str | PathLike[str]) -> bool:
     """Whether the folder's svbrdf.json says that it is one, of whatever version."""
     try:
-        head = json.loads((Path(folder) / "svbrdf.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        head = read_json(Path(folder) / "svbrdf.json")
+    except InputError:
         return False
     return isinstance(head, dict) and head.get("format") == FORMAT
 
@@ -267,14 +271,8 @@ def _plain(value: Any) -> Any:
 
 
 def _read_json(path: Path) -> dict[str, Any]:
-    try:
-        head = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError("no such file", file=path, expected="the head of a material folder") from None
-    except (OSError, ValueError) as error:
-        raise InputError(
-            f"cannot be read ({error})", file=path, expected="JSON", hint="Is it truncated?"
-        ) from error
+    need_file(path, "the head of a material folder")
+    head = read_json(path, "JSON", "Is it truncated?")
     if not isinstance(head, dict) or head.get("format") != FORMAT:
         raise InputError("is not the head of a material folder", file=path, expected=f'"format": "{FORMAT}"')
     if head.get("schema_version") != SCHEMA_VERSION:
