@@ -95,7 +95,7 @@ def parsed_json(
     try:
         return json.loads(text, object_pairs_hook=_once)
     except RecursionError as error:
-        raise InputError("is nested too deeply", file=path, expected=expected) from error
+        raise InputError("is not JSON (nested too deeply)", file=path, expected=expected) from error
     except _Twice as error:
         raise InputError(str(error), file=path, expected="each key once in an object") from error
     except ValueError as error:

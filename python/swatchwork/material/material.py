@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from ..arrays import F32, F64, I32, U8, U32, Bool
-from ..capture.camera import FARTHEST
 from ..errors import InputError
 from .trust import ErrorModel
 
@@ -139,12 +138,8 @@ class Material:
 def _check_numbers(m: Material, file: str | PathLike[str] | None) -> None:
     for name in ("vertices", "normals", "uv"):
         values = getattr(m, name)
-        if not np.isfinite(values).all() or np.abs(values).max(initial=0) > FARTHEST:
-            raise InputError(
-                f"{name} holds a number that is not finite, or beyond {FARTHEST:g}",
-                file=file,
-                expected="a mesh",
-            )
+        if not np.isfinite(values).all():
+            raise InputError(f"{name} holds NaN or infinity", file=file, expected="finite numbers")
     if m.spread is not None and not (np.isfinite(m.spread).all() and (m.spread >= 0).all()):
         raise InputError("spread is negative or not finite", file=file, expected="0 or more")
     basis = m.basis

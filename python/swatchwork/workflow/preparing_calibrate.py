@@ -97,7 +97,7 @@ def intrinsics_of(found: Calibration) -> dict[str, float]:
     return {**size, "k1": c.k1, "k2": c.k2, "p1": c.p1, "p2": c.p2}
 
 
-EXPECTED = "w, h, fl_x, fl_y, cx, cy as `swatchwork prepare calibrate` writes them"
+EXPECTED = "intrinsics: w, h, fl_x, fl_y, cx, cy as `swatchwork prepare calibrate` writes them"
 
 
 def read_intrinsics(file: str | PathLike[str]) -> Camera:
