@@ -12,7 +12,7 @@ import numpy as np
 from swatchwork.arrays import F32, Bool
 from swatchwork.capture.capture import Frame
 from swatchwork.capture.exr import read_exr_channels
-from swatchwork.capture.images import LINEAR_SUFFIXES, read_coded, read_image
+from swatchwork.capture.images import LINEAR_SUFFIXES, image_size, read_coded, read_image
 from swatchwork.errors import InputError
 
 BRIGHTEST = 1e15
@@ -45,16 +45,18 @@ def read_photograph(frame: Frame) -> Photograph:
             pixel inside the mask is negative, infinite or not a number.
     """
     where = f"{frame.image_path} (frame {frame.name})"
-    image = read_image(frame.image_path)
     shape = (frame.camera.height, frame.camera.width)
-    if image.linear.shape[:2] != shape:
-        raise size_error(where, image.linear.shape[1], image.linear.shape[0], frame)
+    width, height = image_size(frame.image_path)
+    if (height, width) != shape:
+        raise size_error(where, width, height, frame)
+    image = read_image(frame.image_path)
     valid, mask = ~image.clipped, None
     if frame.mask_path is not None:
-        mask = read_mask(frame.mask_path)
-        if mask.shape != shape:
-            height, width = mask.shape
+        # By its header first: a mask of another size is not decoded.
+        width, height = image_size(frame.mask_path)
+        if (height, width) != shape:
             raise size_error(f"{frame.mask_path} (mask of frame {frame.name})", width, height, frame)
+        mask = read_mask(frame.mask_path)
         valid &= mask
     check_radiance(image.linear, valid, where)
     with np.errstate(over="ignore", invalid="ignore"):

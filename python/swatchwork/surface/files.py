@@ -68,8 +68,8 @@ def _load(path: Path) -> list[tuple[Any, Any]]:
     import trimesh
 
     if path.suffix.lower() == ".ply":
-        check_ply(path)
         content, resolver, kind = path.read_bytes(), _Nothing(), "ply"
+        check_ply(path, content)
     else:
         head, buffers = read_gltf(path)
         content, resolver, kind = json.dumps(head).encode(), _Nothing(buffers), "gltf"
