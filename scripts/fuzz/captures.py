@@ -244,7 +244,8 @@ def _foreign(root: Path, plain: Path) -> None:
     (folder / "metashape/cameras.xml").write_text(
         '<?xml version="1.0" encoding="UTF-8"?><document version="2.0.0"><chunk label="Chunk 1"><sensors>'
         f'<sensor id="0" label="s" type="frame"><resolution width="{SIZE}" height="{SIZE}"/>'
-        f'<calibration type="frame" class="adjusted"><resolution width="{SIZE}" height="{SIZE}"/><f>{focal}</f>'
+        f'<calibration type="frame" class="adjusted"><resolution width="{SIZE}" height="{SIZE}"/>'
+        f"<f>{focal}</f>"
         f"</calibration></sensor></sensors><cameras>{''.join(cameras)}</cameras></chunk></document>",
         encoding="utf-8",
     )

@@ -28,7 +28,7 @@ from swatchwork.light import read_environment
 from swatchwork.surface import read_mesh
 from swatchwork.workflow import check_capture, describe
 
-WHOLE = 0.15
+WHOLE = 0.1
 """Share of the captures that are also reconstructed, of those that can be read: a dozen times as dear."""
 UNSURE = ("json_bits_flipped",)
 """Mutations after which another need not be seen: they may unname its file."""

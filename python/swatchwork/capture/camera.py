@@ -210,7 +210,8 @@ def rigid(matrix: Float, what: str) -> F64:
         off = np.abs(rotation.T @ rotation - np.eye(3)).max()
     # Numbers so large that they cancel to NaN are not rigid either.
     if not off <= RIGID_TOLERANCE:
-        lengths = ", ".join(f"{length:.4g}" for length in np.linalg.norm(rotation, axis=0))
+        with np.errstate(over="ignore"):
+            lengths = ", ".join(f"{length:.4g}" for length in np.linalg.norm(rotation, axis=0))
         raise InputError(
             f"{what} is not rigid: its axes have lengths {lengths} and R^T R differs from I by {off:.3g}",
             expected="a rotation and a translation",

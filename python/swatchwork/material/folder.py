@@ -69,14 +69,19 @@ def read_material(folder: str | PathLike[str]) -> Material:
     head = _read_json(folder / "svbrdf.json")
     try:
         basis = BasisRecord(
-            head["basis"]["name"],
+            _text(head["basis"]["name"]),
             tuple(map(float, head["basis"]["sigmas"])),
             tuple(map(str, head["basis"]["maskings"])),
             tuple(map(str, head["basis"]["diffuse"])),
             tuple(map(int, head["basis"]["fresnel"])),
         )
         representatives = np.array(head["representatives"], dtype=np.float64)
-        n = int(head["n"])
+        n = _whole(head["n"])
+        declared = {"N": _whole(head["N"]), "resolution": [_whole(side) for side in head["resolution"]]}
+        if any(
+            isinstance(v, bool) or not isinstance(v, int | float) for v in dict(head["penalties"]).values()
+        ):
+            raise ValueError("a penalty is no number")
         penalties, solver, inputs = dict(head["penalties"]), dict(head["solver"]), dict(head["inputs"])
         # Materials of before it was there have none.
         spread = np.array(head["spread"], dtype=np.float64) if head.get("spread") else None
@@ -119,7 +124,22 @@ def read_material(folder: str | PathLike[str]) -> Material:
         inputs=inputs,
     )
     material.check(folder)
+    own = {"N": material.N, "resolution": list(material.index.shape[:2])}
+    if declared != own:
+        raise InputError(f"says {declared}", file=folder / "svbrdf.json", expected=f"{own}, as its parts are")
     return material
+
+
+def _whole(value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise TypeError(f"{value!r:.40} is no whole number")
+    return value
+
+
+def _text(value: Any) -> str:
+    if not isinstance(value, str):
+        raise TypeError(f"{value!r:.40} is no name")
+    return value
 
 
 def is_material_folder(folder: str | PathLike[str]) -> bool:
