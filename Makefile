@@ -4,6 +4,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 DEMO ?= demo
+FUZZ ?= 10000
 DATA ?= ../shared/data
 CAPTURES ?= ../shared/captures
 FIGURES := target/validation
@@ -15,7 +16,7 @@ RUST_SOURCES := Cargo.toml Cargo.lock $(shell find crates -name target -prune -o
 VENV_ENV := env -u CONDA_PREFIX VIRTUAL_ENV="$(CURDIR)/$(VENV)"
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint format bench validate reproduce picture gltf-validator clean
+.PHONY: help setup demo test lint format bench validate fuzz reproduce picture gltf-validator clean
 
 help: ## list what there is to make
 	@awk -F':.*## ' '/^[a-z-]+:.*## / {printf "  make %-14s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -88,6 +89,11 @@ validate: setup ## measure exactness, blends, captures, photographs (hours); wri
 	$(BIN)/python scripts/measure/photographs.py --data $(DATA) --ablations --cameras jpeg linear16 --picture docs/photographs.jpg --json $(FIGURES)/photographs.json
 	$(BIN)/python scripts/measure/exports.py --captures $(CAPTURES) --json $(FIGURES)/exports.json
 	$(BIN)/python scripts/measure/page.py --figures $(FIGURES) --page docs/validation.md
+
+# Results are kept in target/fuzz; a run that was stopped goes on. A finding fails it.
+fuzz: setup ## read FUZZ (10000) spoilt captures (half an hour); write docs/reliability.md
+	$(BIN)/python scripts/fuzz/run.py --count $(FUZZ); found=$$?; \
+	  $(BIN)/python scripts/fuzz/page.py --count $(FUZZ) && exit $$found
 
 # Finished parts are kept in target/reproduction; `rm -r` it to begin anew.
 reproduce: setup ## run the paper's experiments (hours); write docs/reproduction.md
