@@ -4,6 +4,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 DEMO ?= demo
+FUZZ ?= 10000
 DATA ?= ../shared/data
 CAPTURES ?= ../shared/captures
 FIGURES := target/validation
@@ -96,6 +97,11 @@ validate: setup ## measure exactness, blends, captures, photographs (hours); wri
 # Finished faults are kept in target/faults; `rm -r` it to begin anew.
 faults: setup ## kill, stop, fill the disk, damage checkpoints (an hour); write docs/reliability.md
 	$(BIN)/python scripts/faults/run.py --json target/faults/faults.json --page docs/reliability.md
+
+# Results are kept in target/fuzz; a run that was stopped goes on. A finding fails it.
+fuzz: setup ## read FUZZ (10000) spoilt captures (half an hour); write docs/reliability.md
+	$(BIN)/python scripts/fuzz/run.py --count $(FUZZ); found=$$?; \
+	  $(BIN)/python scripts/fuzz/page.py --count $(FUZZ) && exit $$found
 
 # Finished parts are kept in target/reproduction; `rm -r` it to begin anew.
 reproduce: setup ## run the paper's experiments (hours); write docs/reproduction.md

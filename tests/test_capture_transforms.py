@@ -182,7 +182,7 @@ def test_writing_and_reading_give_the_same_capture(folder: Path) -> None:
 
 
 def test_writing_refuses_files_elsewhere(folder: Path, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"outside the capture folder; .* Copy or link"):
+    with pytest.raises(InputError, match=r"outside the capture folder; .* Copy the file"):
         write_capture(read_capture(folder), tmp_path / "other" / "deep")
     assert not (tmp_path / "other").exists()
 

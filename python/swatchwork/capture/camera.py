@@ -9,7 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from swatchwork.arrays import F64, Bool, Float, unit
+from swatchwork.capture.guarding import MOST_PIXELS
 from swatchwork.errors import InputError
+
+FARTHEST = 1e12
+"""World units from the origin at most, of cameras and meshes: squares and volumes stay finite in 32 bits."""
+
+LARGEST = 1e9
+"""Of intrinsics: beyond it, no lens, and the distortion's polynomials would overflow."""
 
 RIGID_TOLERANCE = 1e-3
 """Largest entry of R^T R - I that still counts as rounding in a written pose (four decimals give 2e-4)."""
@@ -46,12 +53,18 @@ class Camera:
         for name in ("width", "height"):
             if getattr(self, name) < 1:
                 raise InputError(f"{name} {getattr(self, name)}", expected="a positive number of pixels")
+        if self.width * self.height > MOST_PIXELS:
+            raise InputError(
+                f"the size is {self.width} x {self.height}", expected=f"{MOST_PIXELS} pixels in all at most"
+            )
         for name in ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2"):
             value = getattr(self, name)
             if not np.isfinite(value):
                 raise InputError(f"{name} is {value}", expected="a finite number")
             if name in ("fx", "fy") and value <= 0:
                 raise InputError(f"focal length {name} is {value:g}", expected="a positive number of pixels")
+            if abs(value) > LARGEST:
+                raise InputError(f"{name} is {value:g}", expected=f"at most {LARGEST:g}")
         object.__setattr__(self, "world_from_camera", rigid(self.world_from_camera, "pose"))
 
     @property
@@ -185,12 +198,20 @@ def rigid(matrix: Float, what: str) -> F64:
         raise InputError(f"{what} of shape {list(m.shape)}", expected="a 4x4 matrix")
     if not np.isfinite(m).all():
         raise InputError(f"{what} contains {m[~np.isfinite(m)][0]}", expected="finite numbers")
+    if np.abs(m[:3, 3]).max() > FARTHEST:
+        raise InputError(
+            f"{what} has the translation {m[:3, 3].tolist()}",
+            expected=f"at most {FARTHEST:g} world units from the origin",
+        )
     if m.shape == (4, 4) and np.abs(m[3] - [0, 0, 0, 1]).max() > 1e-6:
         raise InputError(f"{what} has the last row {m[3].tolist()}", expected="[0, 0, 0, 1]")
     rotation = m[:3, :3]
-    off = np.abs(rotation.T @ rotation - np.eye(3)).max()
-    if off > RIGID_TOLERANCE:
-        lengths = ", ".join(f"{length:.4g}" for length in np.linalg.norm(rotation, axis=0))
+    with np.errstate(over="ignore", invalid="ignore"):
+        off = np.abs(rotation.T @ rotation - np.eye(3)).max()
+    # Numbers so large that they cancel to NaN are not rigid either.
+    if not off <= RIGID_TOLERANCE:
+        with np.errstate(over="ignore"):
+            lengths = ", ".join(f"{length:.4g}" for length in np.linalg.norm(rotation, axis=0))
         raise InputError(
             f"{what} is not rigid: its axes have lengths {lengths} and R^T R differs from I by {off:.3g}",
             expected="a rotation and a translation",

@@ -16,6 +16,7 @@ import numpy.typing as npt
 import OpenEXR
 
 from swatchwork.arrays import Float
+from swatchwork.capture.guarding import check_size, need_file
 from swatchwork.errors import InputError, OutputError
 
 _PIXEL_TYPES = {
@@ -23,6 +24,12 @@ _PIXEL_TYPES = {
     "float32": Imath.PixelType.FLOAT,
     "uint32": Imath.PixelType.UINT,
 }
+
+SAMPLES_A_BYTE = 1040
+"""At most, by the methods of `BOUNDED`: deflate packs 1032 bytes in one, run lengths and Huffman codes fewer;
+the cosines of DWA and what came later pack a uniform block in next to nothing."""
+BOUNDED = ("NO", "RLE", "ZIPS", "ZIP", "PIZ", "PXR24", "B44", "B44A")
+MOST_CHANNELS = 1024
 
 Channels = dict[str, npt.NDArray[Any]]
 
@@ -35,6 +42,7 @@ def read_exr_channels(path: Path) -> Channels:
     Raises:
         InputError: the file is missing, truncated or not an EXR, or has subsampled channels.
     """
+    exr_size(path)
     with _opened(path, header_only=False) as file:
         data, display = (np.array(file.header()[name]) for name in ("dataWindow", "displayWindow"))
         channels: Channels = {}
@@ -53,15 +61,33 @@ def read_exr_channels(path: Path) -> Channels:
 
 
 def exr_size(path: Path) -> tuple[int, int]:
-    """(width, height) of an EXR file's display window, from its header alone.
+    """(width, height) of an EXR file's display window, from its header alone, within limits.
 
     Raises:
-        InputError: the file is missing or not an EXR.
+        InputError: the file is missing or not an EXR, or declares more than we read or it can hold.
     """
     with _opened(path, header_only=True) as file:
-        low, high = file.header()["displayWindow"]
-    width, height = np.asarray(high, dtype=int) - np.asarray(low, dtype=int) + 1
-    return int(width), int(height)
+        # The library reads all parts, though we look at the first.
+        parts = [_declared(path, part.header) for part in file.parts]
+    width, height = parts[0]
+    return width, height
+
+
+def _declared(path: Path, header: Any) -> tuple[int, int]:
+    """(width, height) of a part's display window; its header's windows and channels are within limits."""
+    if "deep" in str(header["type"]):
+        raise InputError("is a deep image", file=path, expected="one sample a pixel")
+    channels, bounded = len(header["channels"]), header["compression"].name.partition("_")[0] in BOUNDED
+    if not 1 <= channels <= MOST_CHANNELS:
+        raise InputError(f"has {channels} channels", file=path, expected=f"1 to {MOST_CHANNELS}")
+    sizes = []
+    for name in ("dataWindow", "displayWindow"):
+        low, high = np.array(header[name], dtype=int)
+        width, height = (int(length) for length in high - low + 1)
+        most = SAMPLES_A_BYTE / channels if bounded else np.inf
+        check_size(path, width, height, file_bytes=path.stat().st_size, most_a_byte=most)
+        sizes.append((width, height))
+    return sizes[-1]
 
 
 def write_exr_channels(path: Path, channels: Mapping[str, npt.NDArray[Any]]) -> None:
@@ -134,8 +160,7 @@ def write_exr(path: Path, pixels: Float, *, half: bool = False) -> None:
 @contextmanager
 def _opened(path: Path, *, header_only: bool) -> Iterator[Any]:
     """An open file; whatever the library finds wrong, on opening or later, becomes an InputError."""
-    if not path.is_file():
-        raise InputError("no such file", file=path, expected="an EXR image")
+    need_file(path, "an EXR image")
     try:
         # The library prints what it finds wrong with a file, before it raises.
         with (

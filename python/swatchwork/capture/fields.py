@@ -6,6 +6,8 @@ from __future__ import annotations
 
 import math
 import os
+import reprlib
+import unicodedata
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +18,13 @@ from swatchwork.errors import InputError
 
 REQUIRED: Any = object()
 """Default of a key that must be there."""
+
+LINKS_INTO = "SWATCHWORK_LINKS_INTO"
+"""Environment variable: folders, separated as in PATH, that symbolic links of captures may lead into."""
+
+
+_SHORT = reprlib.Repr()
+_SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 80
 
 
 class Fields:
@@ -29,7 +38,7 @@ class Fields:
 
     def __init__(self, values: Any, where: str, fallback: Fields | None = None) -> None:
         if not isinstance(values, dict):
-            raise InputError(f"found {_shown(values)}", file=where, expected="a JSON object")
+            raise InputError(f"found {shown(values)}", file=where, expected="a JSON object")
         self.values: dict[str, Any] = values
         self.where = where
         self.fallback = fallback
@@ -53,7 +62,7 @@ class Fields:
         """A finite number."""
         value = self.raw(key, default)
         expected = "a positive number" if positive else "a finite number"
-        if isinstance(value, bool) or not isinstance(value, int | float):
+        if not _is_number(value):
             raise self.error(key, value, expected)
         try:
             number = float(value)
@@ -87,41 +96,77 @@ class Fields:
     def matrix(self, key: str) -> F64:
         """A list of rows of numbers, not yet checked for shape."""
         value = self.raw(key)
-        try:
-            matrix = np.array(value, dtype=np.float64)
-        except (TypeError, ValueError):
-            raise self.error(key, value, "4 rows of 4 numbers") from None
-        if matrix.shape not in ((4, 4), (3, 4)):
+        rows = value if isinstance(value, list) and len(value) in (3, 4) else []
+        # NumPy would make numbers of strings and of true, and raise at integers that no double holds.
+        if not rows or not all(isinstance(r, list) and len(r) == 4 and all(map(_is_number, r)) for r in rows):
             raise self.error(key, value, "4 rows of 4 numbers")
-        return matrix
+        try:
+            return np.array(rows, dtype=np.float64)
+        except OverflowError:
+            raise self.error(key, value, "4 rows of 4 finite numbers") from None
 
     def error(self, key: str, value: Any, expected: str) -> InputError:
         """The error for a key whose value is not what it should be."""
-        return InputError(f'"{key}" is {_shown(value)}', file=self.where, expected=expected)
+        return InputError(f'"{key}" is {shown(value)}', file=self.where, expected=expected)
 
 
 def path_within(root: Path, text: str, where: str, key: str, *, above: int = 0) -> Path:
     """The file that a relative path means, refused where it leaves the folder ``root``.
 
-    ``above`` folders up are still allowed: a test set shares its capture's ``../mesh.obj``. Symbolic
-    links are the user's own business and are followed.
+    ``above`` folders up are still allowed: a test set shares its capture's ``../mesh.obj``. A symbolic link
+    is followed to where the path could have pointed by itself, and into the folders of `LINKS_INTO`: else a
+    downloaded capture could bring a private file of its user's into a report that is passed on.
 
     Raises:
-        InputError: an absolute path, or one that leaves the folder.
+        InputError: an absolute path, one that leaves the folder by itself or by a link, the folder itself,
+            or a name with control characters.
     """
-    relative = os.path.normpath(text.replace("\\", "/"))
-    climbs = relative.split("/").count("..")
-    if os.path.isabs(relative) or Path(text).drive or climbs > above or "\0" in text:
-        allowed = f"a relative path inside {root}" + (" or the folder above it" if above else "")
+    slashed = text.replace("\\", "/")
+    if any(unicodedata.category(c) in ("Cc", "Cs", "Zl", "Zp") for c in text):
         raise InputError(
-            f'"{key}" is {_shown(text)}, outside the capture folder',
+            f'"{key}" is {shown(text)}', file=where, expected="a file name without control characters"
+        )
+    relative = os.path.normpath(slashed)
+    climbs = relative.split("/").count("..")
+    drive = len(slashed) > 1 and slashed[1] == ":" and slashed[0].isalpha()
+    allowed = f"a relative path inside {root}" + (" or the folder above it" if above else "")
+    if os.path.isabs(relative) or drive or "://" in slashed or climbs > above:
+        raise InputError(
+            f'"{key}" is {shown(text)}, outside the capture folder',
             file=where,
             expected=allowed,
-            hint="Copy or link the file into the capture folder",
+            hint="Copy the file into the capture folder",
         )
-    return root / relative
+    if relative.split("/")[-1] in (".", ".."):
+        raise InputError(f'"{key}" is {shown(text)}, a folder', file=where, expected="a file's name")
+    path = root / relative
+    home, real = os.path.realpath(root), os.path.realpath(path)
+    homes = [os.path.dirname(home) if above else home]
+    homes += [os.path.realpath(f) for f in os.environ.get(LINKS_INTO, "").split(os.pathsep) if f]
+    if not any(_lies_in(real, folder) for folder in homes):
+        raise InputError(
+            f'"{key}" is {shown(text)}, a link that leads outside the capture folder, to {real}',
+            file=where,
+            expected=allowed,
+            hint=f"Copy the file into the capture folder, or name its folder in {LINKS_INTO} if you trust it",
+        )
+    return path
 
 
-def _shown(value: Any) -> str:
-    text = repr(value)
+def is_file(path: Path) -> bool:
+    """Whether it is a regular file; False also for names that no file can have."""
+    return os.path.isfile(path)
+
+
+def shown(value: Any) -> str:
+    """A value for messages: escaped, and not too long."""
+    text = _SHORT.repr(value)
     return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _lies_in(real: str, folder: str) -> bool:
+    return real.startswith(folder.rstrip(os.sep) + os.sep)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)

@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+import re
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,11 +17,19 @@ from PIL import Image as Pillow
 
 from swatchwork.arrays import F32, U8, Bool, Float
 from swatchwork.capture.exr import exr_size, read_exr_channels
+from swatchwork.capture.guarding import check_size, need_file
 from swatchwork.errors import InputError, OutputError
 
 LINEAR_SUFFIXES = (".exr", ".hdr")
 SRGB_SUFFIXES = (".png", ".jpg", ".jpeg")
 IMAGE_SUFFIXES = LINEAR_SUFFIXES + SRGB_SUFFIXES
+
+PIXELS_A_BYTE = {".hdr": 16, ".png": 8 * 1032, ".jpg": 1024, ".jpeg": 1024}
+"""At most: .hdr packs runs of 127 in 2 bytes a channel, PNG deflates 1032 bytes (8 pixels of one bit) to one,
+JPEG takes 6 bits or more for 256 pixels of one colour."""
+
+MOST_HEADER_BYTES = 1 << 16
+"""Of a .hdr file, before its pixels."""
 
 Coded = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 
@@ -71,9 +81,9 @@ def read_coded(path: Path) -> Coded:
         raise InputError(
             f"unknown image type {path.suffix!r}", file=path, expected="one of " + ", ".join(IMAGE_SUFFIXES)
         )
-    _need_file(path)
+    image_size(path)
     try:
-        with Pillow.open(path) as picture:
+        with Pillow.open(path, formats=_formats(path)) as picture:
             if suffix != ".png":
                 gray = picture.mode == "L"
                 coded = np.asarray(picture if gray else picture.convert("RGB"))
@@ -93,21 +103,26 @@ def image_size(path: Path) -> tuple[int, int]:
     """(width, height) from the file's header, without reading the pixels.
 
     Raises:
-        InputError: the file is missing or not an image.
+        InputError: the file is missing or not an image, or declares more than we read or it can hold.
     """
     suffix = path.suffix.lower()
     if suffix == ".exr":
         return exr_size(path)
+    length = need_file(path, "an image")
     if suffix == ".hdr":
-        height, width = _decoded(path).shape[:2]
-        return width, height
-    _need_file(path)
-    try:
-        with Pillow.open(path) as picture:
-            width, height = picture.size
-            return int(width), int(height)
-    except Exception as error:
-        raise _damaged(path, str(error)) from error
+        width, height = _hdr_size(path)
+    else:
+        try:
+            # Pillow warns of pictures half as large as those that it refuses.
+            with (
+                warnings.catch_warnings(action="ignore"),
+                Pillow.open(path, formats=_formats(path)) as picture,
+            ):
+                width, height = (int(side) for side in picture.size)
+        except Exception as error:
+            raise _damaged(path, str(error)) from error
+    check_size(path, width, height, file_bytes=length, most_a_byte=PIXELS_A_BYTE.get(suffix, np.inf))
+    return width, height
 
 
 def write_png(path: Path, coded: U8) -> None:
@@ -135,7 +150,8 @@ def _from_srgb(coded: Coded) -> Image:
     table = linear_from_srgb(np.arange(largest + 1) / largest)
     colour = coded[..., :3] if coded.shape[-1] >= 3 else np.repeat(coded[..., :1], 3, axis=-1)
     linear = table[colour]
-    clipped = (colour == largest).any(axis=-1)
+    # Reductions along so short an axis take NumPy ten times as long.
+    clipped = (colour[..., 0] == largest) | (colour[..., 1] == largest) | (colour[..., 2] == largest)
     if coded.shape[-1] < 4:
         return Image(linear, None, clipped)
     alpha = coded[..., 3].astype(np.float32) / np.float32(largest)
@@ -184,7 +200,7 @@ def _colour_layer(path: Path, names: list[str]) -> str:
 
 def _decoded(path: Path) -> npt.NDArray[np.uint8]:
     """OpenCV's reading of a file, channels in its order (BGR); one that it reports damaged is refused."""
-    _need_file(path)
+    image_size(path)
     level = logging.getLogLevel()
     logging.setLogLevel(0)
     try:
@@ -198,9 +214,21 @@ def _decoded(path: Path) -> npt.NDArray[np.uint8]:
     return pixels  # type: ignore[no-any-return]
 
 
-def _need_file(path: Path) -> None:
-    if not path.is_file():
-        raise InputError("no such file", file=path, expected="an image")
+def _hdr_size(path: Path) -> tuple[int, int]:
+    """From the line "-Y height +X width", which follows the header's blank one."""
+    with path.open("rb") as file:
+        start = file.read(MOST_HEADER_BYTES)
+    if not start.startswith(b"#?"):
+        raise _damaged(path, "it does not begin with #?")
+    found = re.search(rb"\n\r?\n-Y +([0-9]{1,9}) +\+X +([0-9]{1,9})[ \r]*\n", start)
+    if found is None:
+        raise _damaged(path, 'its header has no line "-Y height +X width"')
+    return int(found[2]), int(found[1])
+
+
+def _formats(path: Path) -> tuple[str]:
+    """Pillow's name of what a file must be: its many other readers are not for strangers' files."""
+    return ("PNG",) if path.suffix.lower() == ".png" else ("JPEG",)
 
 
 def _damaged(path: Path, reason: str) -> InputError:

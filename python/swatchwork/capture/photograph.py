@@ -12,8 +12,11 @@ import numpy as np
 from swatchwork.arrays import F32, Bool
 from swatchwork.capture.capture import Frame
 from swatchwork.capture.exr import read_exr_channels
-from swatchwork.capture.images import LINEAR_SUFFIXES, read_coded, read_image
+from swatchwork.capture.images import LINEAR_SUFFIXES, image_size, read_coded, read_image
 from swatchwork.errors import InputError
+
+BRIGHTEST = 1e15
+"""Radiance, in whatever units: the sun has 1.6e9 candela per square metre. Squares stay finite in 32 bits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,19 +45,29 @@ def read_photograph(frame: Frame) -> Photograph:
             pixel inside the mask is negative, infinite or not a number.
     """
     where = f"{frame.image_path} (frame {frame.name})"
-    image = read_image(frame.image_path)
     shape = (frame.camera.height, frame.camera.width)
-    if image.linear.shape[:2] != shape:
-        raise size_error(where, image.linear.shape[1], image.linear.shape[0], frame)
+    width, height = image_size(frame.image_path)
+    if (height, width) != shape:
+        raise size_error(where, width, height, frame)
+    image = read_image(frame.image_path)
     valid, mask = ~image.clipped, None
     if frame.mask_path is not None:
-        mask = read_mask(frame.mask_path)
-        if mask.shape != shape:
-            height, width = mask.shape
+        # By its header first: a mask of another size is not decoded.
+        width, height = image_size(frame.mask_path)
+        if (height, width) != shape:
             raise size_error(f"{frame.mask_path} (mask of frame {frame.name})", width, height, frame)
+        mask = read_mask(frame.mask_path)
         valid &= mask
     check_radiance(image.linear, valid, where)
-    radiance = image.linear / np.float32(frame.exposure)
+    with np.errstate(over="ignore", invalid="ignore"):
+        radiance = image.linear / np.float32(frame.exposure)
+    if not np.isfinite(radiance[valid]).all():
+        raise InputError(
+            f"the radiance is infinite: pixels of up to {image.linear[valid].max():g} over the exposure "
+            f"{frame.exposure:g}",
+            file=where,
+            expected="pixel values and an exposure of a camera",
+        )
     radiance[~np.isfinite(radiance)] = 0.0
     alpha = np.ones(shape, dtype=np.float32) if image.alpha is None else image.alpha
     return Photograph(radiance, alpha, valid, mask)
@@ -95,6 +108,13 @@ def check_radiance(radiance: F32, within: Bool, where: str) -> None:
             file=where,
             expected="finite radiance",
             hint="Repair them, or leave them out by a mask",
+        )
+    if within.any() and radiance[within].max() > BRIGHTEST:
+        raise InputError(
+            f"a pixel has {radiance[within].max():g}",
+            file=where,
+            expected=f"radiance of {BRIGHTEST:g} at most",
+            hint="The file may be damaged",
         )
     negative = (radiance < 0).any(axis=-1) & within
     if negative.any():

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 from pathlib import Path
@@ -14,7 +13,8 @@ import numpy as np
 
 from swatchwork.capture.camera import Camera, rigid
 from swatchwork.capture.capture import CONVENTIONS, Capture, EnvironmentSource, Frame
-from swatchwork.capture.fields import Fields, path_within
+from swatchwork.capture.fields import Fields, is_file, path_within, shown
+from swatchwork.capture.guarding import read_json
 from swatchwork.capture.images import IMAGE_SUFFIXES, image_size
 from swatchwork.capture.photograph import size_error
 from swatchwork.errors import InputError
@@ -23,6 +23,7 @@ FORMAT_VERSION = 1
 """What ``format_version`` may say; a file without the key is taken as this version."""
 
 CAMERA_MODELS = ("PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV")
+LEAST_EXPOSURE = 1e-12
 DISTORTION = ("k1", "k2", "p1", "p2")
 
 
@@ -42,9 +43,9 @@ def read_capture(path: str | os.PathLike[str], *, require_images: bool = True) -
         file = file / "transforms.json"
     root = file.parent
     fields = Fields(_parsed(file), str(file))
-    if "format_version" in fields and fields.raw("format_version") != FORMAT_VERSION:
+    if "format_version" in fields and fields.number("format_version") != FORMAT_VERSION:
         raise InputError(
-            f'"format_version" is {fields.raw("format_version")!r}',
+            f'"format_version" is {shown(fields.raw("format_version"))}',
             file=file,
             expected=str(FORMAT_VERSION),
             hint="The file was written for another version of swatchwork: update the one or the other",
@@ -85,18 +86,11 @@ def read_capture(path: str | os.PathLike[str], *, require_images: bool = True) -
 
 
 def _parsed(file: Path) -> Any:
-    if not file.is_file():
+    if not is_file(file):
         raise InputError(
             "no such file", file=file, expected="a capture folder with a transforms.json, or that file"
         )
-    try:
-        return json.loads(file.read_text(encoding="utf-8"))
-    except (ValueError, RecursionError) as error:
-        raise InputError(
-            f"is not JSON ({error})", file=file, expected="a JSON object", hint="It may be truncated"
-        ) from error
-    except OSError as error:
-        raise InputError(f"cannot be read ({error})", file=file) from error
+    return read_json(file)
 
 
 def _frame(
@@ -104,11 +98,14 @@ def _frame(
 ) -> Frame:
     root = file.parent
     name = Fields(entry, f"{file} (frame {number})").text("file_path")
-    fields = Fields(entry, f"{file} (frame {number}, {name})", fallback=common)
+    said = name if name.isprintable() and len(name) <= 200 else shown(name)
+    fields = Fields(entry, f"{file} (frame {number}, {said})", fallback=common)
     image_path = _image_path(root, name, fields.where)
-    if must_exist and not image_path.is_file():
+    if must_exist and not is_file(image_path):
         raise InputError(
-            f'"file_path" is {name!r}, and there is no {image_path}', file=fields.where, expected="an image"
+            f'"file_path" is {shown(name)}, and there is no {image_path}',
+            file=fields.where,
+            expected="an image",
         )
     camera = _camera(fields, image_path)
     has_own_light = fields.values.get("environment") is not None
@@ -116,7 +113,7 @@ def _frame(
         name=name,
         image_path=image_path,
         mask_path=_mask_path(root, fields, must_exist),
-        exposure=fields.number("exposure", 1.0, positive=True),
+        exposure=_exposure(fields),
         camera=camera,
         environment=_environment(root, fields, must_exist) if has_own_light else shared,
     )
@@ -133,12 +130,22 @@ def _frame(
     return frame
 
 
+def _exposure(fields: Fields) -> float:
+    """Images are divided by it in 32 bits, and what became of that must be neither infinite nor nothing."""
+    exposure = fields.number("exposure", 1.0, positive=True)
+    if not LEAST_EXPOSURE <= exposure <= 1 / LEAST_EXPOSURE:
+        raise fields.error(
+            "exposure", exposure, f"a number from {LEAST_EXPOSURE:g} to {1 / LEAST_EXPOSURE:g}"
+        )
+    return exposure
+
+
 def _camera(fields: Fields, image_path: Path) -> Camera:
     """A frame's intrinsics over the file's; what neither has is filled in as NeRF-Blender means it."""
     model = fields.raw("camera_model", "OPENCV")
     if model not in CAMERA_MODELS or fields.raw("is_fisheye", False):
         raise InputError(
-            f'"camera_model" is {model!r}' if model not in CAMERA_MODELS else '"is_fisheye" is true',
+            f'"camera_model" is {shown(model)}' if model not in CAMERA_MODELS else '"is_fisheye" is true',
             file=fields.where,
             expected="one of " + ", ".join(CAMERA_MODELS),
             hint="Undistort the photographs to a pinhole camera first",
@@ -148,7 +155,7 @@ def _camera(fields: Fields, image_path: Path) -> Camera:
             raise fields.error(key, fields.raw(key), "0: the lens model has k1, k2, p1, p2")
     if "w" in fields and "h" in fields:
         width, height = fields.pixels("w"), fields.pixels("h")
-    elif image_path.is_file():
+    elif is_file(image_path):
         width, height = image_size(image_path)
     else:
         raise InputError(
@@ -185,7 +192,7 @@ def _environment(root: Path, fields: Fields, must_exist: bool) -> EnvironmentSou
     convention = entry.raw("convention", None)
     if convention not in CONVENTIONS:
         raise InputError(
-            'key "convention" is missing' if convention is None else f'"convention" is {convention!r}',
+            'key "convention" is missing' if convention is None else f'"convention" is {shown(convention)}',
             file=entry.where,
             expected="one of " + ", ".join(CONVENTIONS),
         )
@@ -206,9 +213,11 @@ def _environment(root: Path, fields: Fields, must_exist: bool) -> EnvironmentSou
 def _scene_file(root: Path, text: str, fields: Fields, key: str, must_exist: bool) -> Path:
     """Mesh, occluder or environment; may lie one folder up, where a test set shares its capture's."""
     path = path_within(root, text, fields.where, key, above=1)
-    if must_exist and not path.is_file():
+    if must_exist and not is_file(path):
         raise InputError(
-            f'"{key}" is {text!r}, and there is no {path}', file=fields.where, expected="an existing file"
+            f'"{key}" is {shown(text)}, and there is no {path}',
+            file=fields.where,
+            expected="an existing file",
         )
     return path
 
@@ -216,10 +225,11 @@ def _scene_file(root: Path, text: str, fields: Fields, key: str, must_exist: boo
 def _image_path(root: Path, name: str, where: str) -> Path:
     """NeRF-Blender leaves the suffix out: the first image of that name that exists, or else PNG."""
     path = path_within(root, name, where, "file_path")
-    if path.suffix.lower() in IMAGE_SUFFIXES or path.is_file():
+    if path.suffix.lower() in IMAGE_SUFFIXES or is_file(path):
         return path
-    candidates = [path.with_name(path.name + suffix) for suffix in (".png", *IMAGE_SUFFIXES)]
-    return next((candidate for candidate in candidates if candidate.is_file()), candidates[0])
+    suffixes = (".png", *IMAGE_SUFFIXES)
+    found = next((s for s in suffixes if is_file(path.with_name(path.name + s))), suffixes[0])
+    return path_within(root, os.path.normpath(name) + found, where, "file_path")
 
 
 def _mask_path(root: Path, fields: Fields, must_exist: bool) -> Path | None:
@@ -227,8 +237,10 @@ def _mask_path(root: Path, fields: Fields, must_exist: bool) -> Path | None:
         return None
     text = fields.text("mask_path")
     path = path_within(root, text, fields.where, "mask_path")
-    if must_exist and not path.is_file():
+    if must_exist and not is_file(path):
         raise InputError(
-            f'"mask_path" is {text!r}, and there is no {path}', file=fields.where, expected="an existing file"
+            f'"mask_path" is {shown(text)}, and there is no {path}',
+            file=fields.where,
+            expected="an existing file",
         )
     return path

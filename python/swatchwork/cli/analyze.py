@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
+from rich.text import Text
 
-from .console import session
+from .console import plain, session
 from .options import AsJson, BasisName, Convention, Quiet, Seed, Threads, Verbose, use_threads
 
 if TYPE_CHECKING:
@@ -147,7 +148,10 @@ def _of_lights(found: AnalysisSummary) -> Table:
         table.add_column(name, justify="right")
     for r in found.lights:
         table.add_row(
-            r.light, _number(r.condition_median), _number(r.condition_most), str(r.representative_rank)
+            Text(plain(r.light)),
+            _number(r.condition_median),
+            _number(r.condition_most),
+            str(r.representative_rank),
         )
     return table
 

@@ -18,7 +18,7 @@ from ..errors import SwatchworkError
 from . import prepare
 from .analyze import analyze
 from .check import check
-from .console import stderr
+from .console import plain, stderr
 from .demo import demo
 from .evaluate import evaluate
 from .export import export
@@ -97,7 +97,7 @@ def run(arguments: Sequence[str] | None, stop: Stop) -> int:
     except typer.Abort:
         code = INTERRUPTED
     except SwatchworkError as error:
-        stderr().print(f"error: {error}", style="bold red", markup=False, soft_wrap=True)
+        stderr().print(f"error: {plain(error)}", style="bold red", markup=False, soft_wrap=True)
         return FAILED
     except BrokenPipeError:
         return 0

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 import time
+import unicodedata
 import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -37,6 +38,18 @@ def stderr() -> Console:
     return Console(stderr=True, highlight=False)
 
 
+def plain(text: object, *, lines: bool = False) -> str:
+    """Text for a terminal; control characters, which steer it, as escapes. Line ends stay by ``lines``."""
+    return "".join(
+        c if not unicodedata.category(c).startswith("C") or (lines and c == "\n") else _escaped(c)
+        for c in str(text)
+    )
+
+
+def _escaped(c: str) -> str:
+    return c.encode("unicode_escape").decode("ascii")
+
+
 class _Bars(Progress):
     """Bars of the stages that have taken long enough to be worth one."""
 
@@ -55,7 +68,7 @@ class _BarTask:
         self.bars.advance(self.id, steps)
 
     def describe(self, text: str) -> None:
-        self.bars.update(self.id, description=f"{self.name}: {text}")
+        self.bars.update(self.id, description=plain(f"{self.name}: {text}"))
 
 
 @dataclass
@@ -77,7 +90,9 @@ class ConsoleProgress:
             with self._bar(name, total) as task:
                 yield task
             if outermost and (self.verbose or not self.console.is_terminal):
-                self.console.print(f"{name}: {time.perf_counter() - start:.1f} s", style="dim", markup=False)
+                self.console.print(
+                    f"{plain(name)}: {time.perf_counter() - start:.1f} s", style="dim", markup=False
+                )
         finally:
             self._depth -= 1
 
@@ -89,7 +104,7 @@ class ConsoleProgress:
             return
         outermost = self._bars is None
         bars = self._bars = self._bars or _bars(self.console)
-        label = "  " * (self._depth - 1) + name
+        label = plain("  " * (self._depth - 1) + name)
         number = bars.add_task(label, total=total)
         try:
             yield _BarTask(bars, number, label)
@@ -103,7 +118,7 @@ class ConsoleProgress:
 def _bars(console: Console) -> _Bars:
     bars = _Bars(
         SpinnerColumn(),
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(bar_width=24),
         TaskProgressColumn(),
         TimeElapsedColumn(),
@@ -130,7 +145,7 @@ class Session:
     def say(self, text: str) -> None:
         """A line for a person, on standard output; nothing with --json or --quiet."""
         if not (self.as_json or self.quiet):
-            Console(highlight=False).print(text, markup=False, soft_wrap=True)
+            Console(highlight=False).print(plain(text, lines=True), markup=False, soft_wrap=True)
 
     def show(self, thing: RenderableType) -> None:
         """A table for a person; nothing with --json or --quiet."""
@@ -154,9 +169,9 @@ def session(*, as_json: bool = False, quiet: bool = False, verbose: bool = False
     def show(message: Warning | str, category: type[Warning], *_: Any) -> None:
         if issubclass(category, CaptureWarning):
             run.warnings.append(str(message))
-            console.print(f"warning: {message}", style="yellow", markup=False, soft_wrap=True)
+            console.print(f"warning: {plain(message)}", style="yellow", markup=False, soft_wrap=True)
         elif verbose:
-            console.print(f"{category.__name__}: {message}", style="dim", markup=False, soft_wrap=True)
+            console.print(f"{category.__name__}: {plain(message)}", style="dim", markup=False, soft_wrap=True)
 
     with warnings.catch_warnings():
         warnings.simplefilter("always", CaptureWarning)

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
+from rich.text import Text
 
-from .console import session
+from .console import plain, session
 from .options import AsJson, Quiet, Verbose
 
 if TYPE_CHECKING:
@@ -73,7 +74,7 @@ def _table(found: Evaluation) -> Table:
         ]
         if frame is found:
             table.add_section()
-        table.add_row(name, *cells, style="bold" if frame is found else None)
+        table.add_row(Text(plain(name)), *cells, style="bold" if frame is found else None)
     return table
 
 

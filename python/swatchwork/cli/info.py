@@ -9,8 +9,9 @@ from typing import Annotated
 
 import typer
 from rich.table import Table
+from rich.text import Text
 
-from .console import session
+from .console import plain, session
 from .options import AsJson
 
 
@@ -34,6 +35,6 @@ def info(
         found = describe(path)
         table = Table(box=None, show_header=False, pad_edge=False)
         for name, value in found.items():
-            table.add_row(name, str(value), style=None)
+            table.add_row(Text(name), Text(plain(value)))
         run.show(table)
         run.result(found)

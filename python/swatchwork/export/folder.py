@@ -12,6 +12,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from ..capture import read_json
 from ..errors import InputError
 from ..whole import whole_folder
 
@@ -22,8 +23,8 @@ HEAD = "export.json"
 def is_export_folder(folder: str | PathLike[str]) -> bool:
     """Whether the folder's export.json says that it is one."""
     try:
-        head = json.loads((Path(folder) / HEAD).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        head = read_json(Path(folder) / HEAD)
+    except InputError:
         return False
     return isinstance(head, dict) and head.get("format") == FORMAT
 

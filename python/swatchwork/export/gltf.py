@@ -209,5 +209,5 @@ def written_by_us(content: bytes) -> bool:
         length, kind = struct.unpack_from("<I4s", content, 12)
         asset = json.loads(content[20 : 20 + length])["asset"]
         return magic == b"glTF" and kind == b"JSON" and str(asset["generator"]).startswith(GENERATOR)
-    except (struct.error, ValueError, KeyError, TypeError):
+    except (struct.error, ValueError, KeyError, TypeError, RecursionError):
         return False

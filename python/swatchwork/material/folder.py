@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ..capture import exr_in_bands, read_exr_channels
+from ..capture import exr_in_bands, need_file, read_exr_channels, read_json
 from ..errors import InputError
 from ..keeping import Array
 from ..whole import set_aside, whole_folder, write_text
@@ -96,25 +96,34 @@ def _read(folder: Path) -> Material:
     head = _read_json(folder / "svbrdf.json")
     try:
         basis = BasisRecord(
-            head["basis"]["name"],
+            _text(head["basis"]["name"]),
             tuple(map(float, head["basis"]["sigmas"])),
             tuple(map(str, head["basis"]["maskings"])),
             tuple(map(str, head["basis"]["diffuse"])),
             tuple(map(int, head["basis"]["fresnel"])),
         )
         representatives = np.array(head["representatives"], dtype=np.float64)
-        n = int(head["n"])
+        n = _whole(head["n"])
+        declared = {"N": _whole(head["N"]), "resolution": [_whole(side) for side in head["resolution"]]}
+        if any(
+            isinstance(v, bool) or not isinstance(v, int | float) for v in dict(head["penalties"]).values()
+        ):
+            raise ValueError("a penalty is no number")
         penalties, solver, inputs = dict(head["penalties"]), dict(head["solver"]), dict(head["inputs"])
         # Materials of before it was there have none.
         spread = np.array(head["spread"], dtype=np.float64) if head.get("spread") else None
         trust = ErrorModel.from_dict(head["trust"], len(representatives)) if head.get("trust") else None
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
+    except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
         raise InputError(
             f"a part is missing or malformed ({error!r})",
             file=folder / "svbrdf.json",
             expected="a whole material",
         ) from error
     blend = read_exr_channels(folder / "blend.exr")
+    if not 1 <= n <= len(blend):
+        raise InputError(
+            f"n is {n}", file=folder / "svbrdf.json", expected="a number of channels in blend.exr"
+        )
     wanted = [f"{kind}.{i}" for kind in ("index", "weight") for i in range(n)]
     missing = [name for name in [*wanted, "coverage", "residual"] if name not in blend]
     if missing:
@@ -142,14 +151,29 @@ def _read(folder: Path) -> Material:
         inputs=inputs,
     )
     material.check(folder)
+    own = {"N": material.N, "resolution": list(material.index.shape[:2])}
+    if declared != own:
+        raise InputError(f"says {declared}", file=folder / "svbrdf.json", expected=f"{own}, as its parts are")
     return material
+
+
+def _whole(value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise TypeError(f"{value!r:.40} is no whole number")
+    return value
+
+
+def _text(value: Any) -> str:
+    if not isinstance(value, str):
+        raise TypeError(f"{value!r:.40} is no name")
+    return value
 
 
 def is_material_folder(folder: str | PathLike[str]) -> bool:
     """Whether the folder's svbrdf.json says that it is one, of whatever version."""
     try:
-        head = json.loads((Path(folder) / "svbrdf.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        head = read_json(Path(folder) / "svbrdf.json")
+    except InputError:
         return False
     return isinstance(head, dict) and head.get("format") == FORMAT
 
@@ -214,14 +238,8 @@ def _plain(value: Any) -> Any:
 
 
 def _read_json(path: Path) -> dict[str, Any]:
-    try:
-        head = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError("no such file", file=path, expected="the head of a material folder") from None
-    except (OSError, ValueError) as error:
-        raise InputError(
-            f"cannot be read ({error})", file=path, expected="JSON", hint="Is it truncated?"
-        ) from error
+    need_file(path, "the head of a material folder")
+    head = read_json(path, "JSON", "Is it truncated?")
     if not isinstance(head, dict) or head.get("format") != FORMAT:
         raise InputError("is not the head of a material folder", file=path, expected=f'"format": "{FORMAT}"')
     if head.get("schema_version") != SCHEMA_VERSION:

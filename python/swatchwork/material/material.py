@@ -15,6 +15,9 @@ from ..arrays import F32, F64, I32, U8, U32, Bool
 from ..errors import InputError
 from .trust import ErrorModel
 
+MOST_SIGMA, MOST_POWER = 100.0, 100
+"""Of a basis; what is used ends at a sigma of 1 and the power 5."""
+
 WEIGHT_SUM_TOLERANCE = 1e-4
 """Weights are f32 and sum to 1 up to rounding (n times 6e-8); what is off by more was not a blend."""
 
@@ -46,7 +49,7 @@ class BasisRecord:
     @property
     def kernels(self) -> int:
         """J."""
-        return len(self.lobes) + len(self.diffuse)
+        return len(self.maskings) * len(self.fresnel) * len(self.sigmas) + len(self.diffuse)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +107,7 @@ class Material:
     def check(self, file: str | PathLike[str] | None = None) -> None:
         """Raise InputError, naming ``file``, where the parts disagree or break a constraint of Eq. 3 or 7."""
         _check_shapes(self, file)
+        _check_numbers(self, file)
         if not (np.isfinite(self.representatives).all() and (self.representatives >= 0).all()):
             raise InputError(
                 "a representative has a negative or non-finite weight", file=file, expected="0 or more"
@@ -129,6 +133,22 @@ class Material:
                     file=file,
                     expected="1",
                 )
+
+
+def _check_numbers(m: Material, file: str | PathLike[str] | None) -> None:
+    for name in ("vertices", "normals", "uv"):
+        values = getattr(m, name)
+        if not np.isfinite(values).all():
+            raise InputError(f"{name} holds NaN or infinity", file=file, expected="finite numbers")
+    if m.spread is not None and not (np.isfinite(m.spread).all() and (m.spread >= 0).all()):
+        raise InputError("spread is negative or not finite", file=file, expected="0 or more")
+    basis = m.basis
+    if not basis.sigmas or not all(0 < sigma <= MOST_SIGMA for sigma in basis.sigmas):
+        raise InputError(
+            f"sigmas {basis.sigmas[:3]}", file=file, expected=f"roughnesses up to {MOST_SIGMA:g}"
+        )
+    if not all(0 <= power <= MOST_POWER for power in basis.fresnel):
+        raise InputError(f"fresnel {basis.fresnel[:3]}", file=file, expected=f"exponents up to {MOST_POWER}")
 
 
 def _check_shapes(m: Material, file: str | PathLike[str] | None) -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ..arrays import F64, I32
+from ..capture import MOST_MESH_BYTES, need_file
 from ..errors import InputError
 
 
@@ -31,6 +32,7 @@ def read_obj(path: Path) -> tuple[F64, I32, F64, F64]:
     Raises:
         InputError: missing, truncated, or an OBJ of another layout.
     """
+    need_file(path, "the mesh of a material folder", most=MOST_MESH_BYTES)
     rows: dict[str, list[list[float]]] = {"v": [], "vt": [], "vn": []}
     faces: list[list[int]] = []
     where = "line 1"
@@ -50,9 +52,7 @@ def read_obj(path: Path) -> tuple[F64, I32, F64, F64]:
             np.array(rows[tag], np.float64).reshape(-1, w) for tag, w in (("v", 3), ("vn", 3), ("vt", 2))
         ]
         return tables[0], np.array(faces, np.int32).reshape(-1, 3), tables[1], tables[2]
-    except FileNotFoundError:
-        raise InputError("no such file", file=path, expected="the mesh of a material folder") from None
-    except (ValueError, OSError) as error:
+    except (ValueError, OverflowError, OSError) as error:
         raise InputError(
             f"{where}: {error}",
             file=path,

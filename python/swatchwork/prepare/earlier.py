@@ -4,11 +4,11 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
+from ..capture import read_json
 from ..errors import InputError
 
 Part = TypeVar("Part")
@@ -20,9 +20,8 @@ def from_earlier(file: Path, what: str, expected: str, read: Callable[[dict[str,
     Raises:
         InputError: the file cannot be read or is no JSON, or ``read`` does not find its part.
     """
+    document = read_json(file, expected)
     try:
-        return read(json.loads(file.read_text(encoding="utf-8")))
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror})", file=file, expected=expected) from error
-    except (ValueError, KeyError, TypeError) as error:
+        return read(document)
+    except (ValueError, KeyError, TypeError, OverflowError) as error:
         raise InputError(f"holds no {what}", file=file, expected=expected) from error

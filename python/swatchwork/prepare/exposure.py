@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,6 +15,8 @@ from typing import Any
 
 from PIL import Image as Pillow
 
+from ..capture import need_file, parsed_json
+from ..capture.guarding import MOST_JSON_BYTES
 from ..errors import InputError
 from .raw import RAW_SUFFIXES, raw_exposure
 
@@ -134,15 +135,13 @@ def _read_table(table: Path, names: set[str]) -> dict[str, dict[str, float]]:
 
 def _rows(table: Path) -> dict[str, dict[str, Any]]:
     """File names with their raw entries; a CSV's empty cells are left out."""
+    need_file(table, TABLE, most=MOST_JSON_BYTES)
     try:
         text = table.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot be read ({error})", file=table, expected=TABLE) from error
     if table.suffix.lower() == ".json":
-        try:
-            document = json.loads(text)
-        except ValueError as error:
-            raise InputError(f"is not JSON ({error})", file=table, expected=TABLE) from error
+        document = parsed_json(text, table, TABLE)
         if not isinstance(document, dict) or not all(isinstance(row, dict) for row in document.values()):
             raise InputError("is not an object of objects", file=table, expected=TABLE)
         return document

@@ -4,10 +4,10 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from ..capture import read_json
 from ..errors import InputError
 from .raw import RAW_SUFFIXES
 
@@ -81,12 +81,7 @@ def views_of(files: Sequence[Path], per_view: int = 1, groups: Path | None = Non
 
 def _grouped(by_name: dict[str, Path], groups: Path) -> Views:
     expected = '{"view name": ["a.jpg", "b.jpg"], ...}'
-    try:
-        document = json.loads(groups.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror})", file=groups, expected=expected) from error
-    except ValueError as error:
-        raise InputError(f"is not JSON ({error})", file=groups, expected=expected) from error
+    document = read_json(groups, expected)
     if not isinstance(document, dict) or not document:
         raise InputError("is not an object", file=groups, expected=expected)
     views: Views = {}

@@ -157,7 +157,9 @@ class Portrait:
     def show(self, file: Path, names: Mapping[str, str]) -> None:
         """Write truth and portraits (label by name) side by side."""
         taken = {label: self.folder / f"{name}.npy" for name, label in names.items()}
-        there = [(label, np.load(path)) for label, path in taken.items() if path.is_file()]
+        there = [
+            (label, np.load(path, allow_pickle=False)) for label, path in taken.items() if path.is_file()
+        ]
         comparison(file, self.disc, self.sphere.radiance(self.light, self.pairs), there)
 
 

@@ -158,7 +158,7 @@ class MerlBrdf:
 
 def material_names(npz: str | PathLike[str]) -> tuple[str, ...]:
     """The materials of a file for `read_neural_brdf` or `read_npf`."""
-    with np.load(npz) as data:
+    with np.load(npz, allow_pickle=False) as data:
         return tuple(str(name) for name in data["names"])
 
 
@@ -168,7 +168,7 @@ def read_neural_brdf(npz: str | PathLike[str], name: str) -> NeuralBrdf:
     Raises:
         InputError: the file has no material of that name.
     """
-    with np.load(npz) as data:
+    with np.load(npz, allow_pickle=False) as data:
         m = _find(npz, data["names"], name)
         layers = tuple((data[f"w{k}"][m], data[f"b{k}"][m]) for k in (1, 2, 3))
     return NeuralBrdf(name, layers)
@@ -180,7 +180,7 @@ def read_npf(npz: str | PathLike[str], name: str) -> NpfBrdf:
     Raises:
         InputError: the file has no material of that name.
     """
-    with np.load(npz) as data:
+    with np.load(npz, allow_pickle=False) as data:
         m = _find(npz, data["names"], name)
         rows = [data[key][m].astype(np.float64) for key in ("rho_d", "rho_s", "D", "F", "G1")]
     return NpfBrdf(name, *rows)

@@ -4,18 +4,22 @@
 
 from __future__ import annotations
 
+import io
 import json
 import logging
+import os
 from os import PathLike
 from pathlib import Path
 from typing import Any
-from urllib.parse import unquote
 
 import numpy as np
 
+from swatchwork.capture import MOST_MESH_BYTES, need_file
 from swatchwork.errors import InputError
+from swatchwork.surface.gltf import buffer_files, read_gltf
 from swatchwork.surface.mesh import Mesh, mesh_from_arrays
 from swatchwork.surface.obj import read_obj
+from swatchwork.surface.ply import check_ply
 
 SUFFIXES = (".obj", ".ply", ".glb", ".gltf")
 
@@ -27,16 +31,17 @@ def read_mesh(path: str | PathLike[str]) -> Mesh:
         InputError: missing, unreadable or truncated file, no faces, NaN vertices, a face naming no vertex.
     """
     path = Path(path)
-    if not path.is_file():
+    if not os.path.lexists(path):
         raise InputError(
             "the mesh file does not exist", file=path, hint="Check the key 'mesh' of transforms.json."
         )
+    need_file(path, "a mesh", most=MOST_MESH_BYTES, hint="Check the key 'mesh' of transforms.json")
     if path.suffix.lower() not in SUFFIXES:
         raise InputError(f"unknown mesh format '{path.suffix}'", file=path, expected=", ".join(SUFFIXES))
     if path.suffix.lower() == ".obj":
         vertices, faces, normals, uv = read_obj(path)
         return mesh_from_arrays(vertices, faces, normals, uv, file=path)
-    parts = [_arrays(geometry, transform) for geometry, transform in _load(path)]
+    parts = [_arrays(path, geometry, transform) for geometry, transform in _load(path)]
     parts = [part for part in parts if len(part["faces"])]
     if not parts:
         raise InputError(
@@ -56,24 +61,23 @@ def read_mesh(path: str | PathLike[str]) -> Mesh:
 
 def buffers_of(path: Path) -> list[Path]:
     """The files beside a .gltf that hold its numbers; none for other formats, or where it cannot be read."""
-    if path.suffix.lower() != ".gltf":
-        return []
-    try:
-        named = [buffer.get("uri", "data:") for buffer in json.loads(path.read_text("utf-8"))["buffers"]]
-        found = [path.parent / unquote(uri) for uri in named if not uri.startswith("data:")]
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        return []
-    return [file for file in found if file.is_file()]
+    return [file for file in buffer_files(path) if file.is_file()]
 
 
 def _load(path: Path) -> list[tuple[Any, Any]]:
     import trimesh
 
+    if path.suffix.lower() == ".ply":
+        content, resolver, kind = path.read_bytes(), _Nothing(), "ply"
+        check_ply(path, content)
+    else:
+        head, buffers = read_gltf(path)
+        content, resolver, kind = json.dumps(head).encode(), _Nothing(buffers), "gltf"
     logger = logging.getLogger("trimesh")
     level = logger.level
     logger.setLevel(logging.CRITICAL)
     try:
-        loaded = trimesh.load(path, process=False)
+        loaded = trimesh.load(io.BytesIO(content), file_type=kind, resolver=resolver, process=False)
     except Exception as error:  # trimesh raises whatever its parsers trip over
         raise InputError(
             f"cannot be read as a mesh ({type(error).__name__}: {error})",
@@ -92,10 +96,26 @@ def _load(path: Path) -> list[tuple[Any, Any]]:
     return placed
 
 
-def _arrays(geometry: Any, world_from_part: Any) -> dict[str, Any]:
+class _Nothing:
+    """What trimesh asks for files that a mesh names: it gets the buffers by their number, and no other."""
+
+    def __init__(self, buffers: list[bytes] | None = None) -> None:
+        self.buffers = buffers or []
+
+    def get(self, name: str) -> bytes:
+        return self.buffers[int(name)]
+
+    __getitem__ = get
+
+
+def _arrays(path: Path, geometry: Any, world_from_part: Any) -> dict[str, Any]:
     faces = np.asarray(getattr(geometry, "faces", np.zeros((0, 3))), dtype=np.int64)
     vertices = np.asarray(geometry.vertices, dtype=np.float64)
     linear = world_from_part[:3, :3]
+    if not np.isfinite(world_from_part).all() or abs(np.linalg.det(linear)) < 1e-30:
+        raise InputError(
+            f"a node's transform is {world_from_part.tolist()}", file=path, expected="one that can be undone"
+        )
     uv = getattr(getattr(geometry, "visual", None), "uv", None)
     normals = None
     # trimesh keeps the file's normals in its cache, and would compute (split at seams) what is not there.

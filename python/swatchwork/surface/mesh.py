@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from swatchwork.arrays import F64, I32, I64, unit
+from swatchwork.capture.camera import FARTHEST
 from swatchwork.errors import CaptureWarning, InputError
 
 # Twice the area of a triangle over its longest edge squared; below this its plane is rounding noise.
@@ -83,8 +84,17 @@ def mesh_from_arrays(
             file=file,
             expected="finite coordinates",
         )
+    far = np.abs(vertices).max()
+    if far > FARTHEST:
+        raise InputError(
+            f"a vertex has the coordinate {far:g}",
+            file=file,
+            expected=f"{FARTHEST:g} at most, of either sign",
+        )
     index = _without_degenerate(vertices, index, file)
     given = None if normals is None else np.asarray(normals, dtype=np.float64)
+    if given is not None and not np.isfinite(given).all():
+        _warn(file, "some normals are NaN or infinite; those of the triangles are taken there")
     index = _outward(vertices, index, given, file)
     smooth = angle_weighted_normals(vertices, index)
     if given is not None:
@@ -92,7 +102,14 @@ def mesh_from_arrays(
         smooth = np.where(kept[:, None], unit(np.where(kept[:, None], given, 1.0)), smooth)
     if uv is not None:
         uv = np.ascontiguousarray(uv, dtype=np.float64)[:, :2]
+        if not np.isfinite(uv).all():
+            _warn(file, "some texture coordinates are NaN or infinite; all are left out")
+            uv = None
     return Mesh(vertices, index.astype(np.int32), smooth, uv)
+
+
+def _warn(file: str | PathLike[str] | None, what: str) -> None:
+    warnings.warn(CaptureWarning(f"{file or 'mesh'}: {what}"), stacklevel=4)
 
 
 def _without_degenerate(vertices: F64, index: I64, file: str | PathLike[str] | None) -> I64:
@@ -105,12 +122,7 @@ def _without_degenerate(vertices: F64, index: I64, file: str | PathLike[str] | N
             f"all {len(index)} triangles are degenerate", file=file, expected="triangles with an area"
         )
     if flat.any():
-        warnings.warn(
-            CaptureWarning(
-                f"{file or 'mesh'}: {flat.sum()} of {len(index)} triangles are degenerate and dropped"
-            ),
-            stacklevel=4,
-        )
+        _warn(file, f"{flat.sum()} of {len(index)} triangles are degenerate and dropped")
     return np.asarray(index[~flat])
 
 
@@ -126,12 +138,7 @@ def _outward(vertices: F64, index: I64, normals: F64 | None, file: str | PathLik
         agreement = 1.0
     if agreement >= 0:
         return index
-    warnings.warn(
-        CaptureWarning(
-            f"{file or 'mesh'}: the triangles wind clockwise seen from outside; they are turned over"
-        ),
-        stacklevel=4,
-    )
+    _warn(file, "the triangles wind clockwise seen from outside; they are turned over")
     return np.asarray(index[:, ::-1])
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from swatchwork.arrays import F64, I64
+from swatchwork.capture.guarding import MOST_ELEMENTS
 from swatchwork.errors import InputError
 
 
@@ -70,6 +71,8 @@ def _corner(word: str, rows: dict[str, list[list[str]]]) -> tuple[int, int, int]
     numbers = []
     for text, name in zip(parts, ("v", "vt", "vn"), strict=False):
         value = int(text) if text else 0
+        if (text and not value) or abs(value) > MOST_ELEMENTS:
+            raise ValueError(f"'{word[:60]}' names {name} {text[:20]}")
         if value < 0 and -value > len(rows[name]):
             raise IndexError(f"'{word}' counts back beyond the first {name}")
         numbers.append(value - 1 if value > 0 else len(rows[name]) + value if value < 0 else -1)

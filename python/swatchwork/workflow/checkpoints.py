@@ -38,8 +38,8 @@ class _OnDisk:
         """See ``Kept``; only the rows asked for are read."""
         file = self.folder / f"{name}.npy"
         if first == 0 and last is None:
-            return np.asarray(np.load(file))
-        return np.array(np.load(file, mmap_mode="r")[first:last])
+            return np.asarray(np.load(file, allow_pickle=False))
+        return np.array(np.load(file, mmap_mode="r", allow_pickle=False)[first:last])
 
 
 @dataclass

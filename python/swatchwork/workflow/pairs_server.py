@@ -29,7 +29,8 @@ TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript"}
 JSON, JPEG, PNG, BYTES = "application/json", "image/jpeg", "image/png", "application/octet-stream"
 HEADERS = {
     "Cache-Control": "no-store",
-    "Content-Security-Policy": "default-src 'self'; img-src 'self' blob: data:; frame-ancestors 'none'",
+    "Content-Security-Policy": "default-src 'self'; img-src 'self' blob: data:; frame-ancestors 'none'; "
+    "base-uri 'none'; form-action 'none'; object-src 'none'",
     "Referrer-Policy": "no-referrer",
     "X-Content-Type-Options": "nosniff",
 }

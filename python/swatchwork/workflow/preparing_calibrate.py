@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from ..arrays import F64, U8
-from ..capture import Camera, write_png
+from ..capture import Camera, read_json, write_png
 from ..errors import InputError
 from ..prepare import Board, Calibration, calibrate
 from ..prepare.calibrate import SUFFIXES
@@ -98,6 +98,9 @@ def intrinsics_of(found: Calibration) -> dict[str, float]:
     return {**size, "k1": c.k1, "k2": c.k2, "p1": c.p1, "p2": c.p2}
 
 
+EXPECTED = "intrinsics: w, h, fl_x, fl_y, cx, cy as `swatchwork prepare calibrate` writes them"
+
+
 def read_intrinsics(file: str | PathLike[str]) -> Camera:
     """A camera at the origin with the intrinsics that ``calibrate_photographs`` wrote.
 
@@ -105,16 +108,16 @@ def read_intrinsics(file: str | PathLike[str]) -> Camera:
         InputError: the file is missing, no JSON, or lacks a number.
     """
     path = Path(file)
+    found = read_json(path, EXPECTED)
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
         size = int(found["w"]), int(found["h"])
         numbers = [float(found[key]) for key in ("fl_x", "fl_y", "cx", "cy")]
         lens = [float(found.get(key, 0.0)) for key in ("k1", "k2", "p1", "p2")]
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
         raise InputError(
             f"cannot be read as intrinsics ({error!r})",
             file=path,
-            expected="w, h, fl_x, fl_y, cx, cy as `swatchwork prepare calibrate` writes them",
+            expected=EXPECTED,
         ) from error
     fx, fy, cx, cy = numbers
     k1, k2, p1, p2 = lens

@@ -18,8 +18,8 @@ import cv2
 import numpy as np
 
 from ..arrays import U8
-from ..capture import linear_from_srgb, write_png
-from ..errors import CaptureWarning
+from ..capture import linear_from_srgb, read_json, write_png
+from ..errors import CaptureWarning, InputError
 from ..prepare import Linearized, LinearizeOptions, LinearView, linearize, photographs_in
 from ..prepare.linearize import DEFAULT
 from ..progress import SILENT, Progress
@@ -209,10 +209,10 @@ def _response_plot(found: Linearized) -> str:
 def _written_with(file: Path) -> list[str]:
     """The files that a linearize.json says were written with it; none of one that is damaged."""
     try:
-        document = json.loads(file.read_text(encoding="utf-8"))
+        document = read_json(file)
         views = [str(view["file"]) for view in document["views"]]
         plots = ["response.svg"] if document["response"] is not None else []
-    except (OSError, ValueError, KeyError, TypeError):
+    except (InputError, KeyError, TypeError):
         return []
     return [name for name in views if name.endswith(".exr")] + plots
 

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 import warnings
 from collections import Counter
@@ -14,6 +13,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from ..capture import read_json
 from ..capture.images import image_size
 from ..errors import CaptureWarning, InputError
 from ..prepare.registering import Pairs, read_pairs
@@ -131,7 +131,7 @@ def open_desk(
 
 def _begun(file: Path, mesh_name: str) -> dict[str, Pairs]:
     pairs = read_pairs(file)
-    written_for = json.loads(file.read_text(encoding="utf-8")).get("mesh", mesh_name)
+    written_for = read_json(file).get("mesh", mesh_name)
     if written_for != mesh_name:
         warnings.warn(
             CaptureWarning(

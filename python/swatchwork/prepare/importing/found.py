@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from swatchwork.arrays import F32, F64, Bool, Float
-from swatchwork.capture import IMAGE_SUFFIXES, Camera, EnvironmentSource, rigid
+from swatchwork.capture import IMAGE_SUFFIXES, Camera, EnvironmentSource, need_file, rigid
 from swatchwork.capture.fields import path_within
 from swatchwork.errors import InputError
 
@@ -170,10 +170,9 @@ def numbers(file: Path, count: int) -> F64:
     Raises:
         InputError: the file is missing, or has others, or so many that are not finite numbers.
     """
+    need_file(file, f"{count} numbers", most=1 << 20)
     try:
         values = np.array(file.read_text(encoding="utf-8").split(), dtype=np.float64)
-    except FileNotFoundError:
-        raise InputError("no such file", file=file, expected=f"{count} numbers") from None
     except (OSError, ValueError) as error:
         raise InputError(f"is not numbers ({error})", file=file, expected=f"{count} numbers") from error
     if len(values) != count or not np.isfinite(values).all():

@@ -30,7 +30,8 @@ from xml.etree import ElementTree
 import numpy as np
 
 from swatchwork.arrays import F64
-from swatchwork.capture import Camera, rigid
+from swatchwork.capture import Camera, need_file, rigid
+from swatchwork.capture.guarding import MOST_JSON_BYTES
 from swatchwork.errors import CaptureWarning, InputError
 from swatchwork.prepare.importing.found import (
     Found,
@@ -132,6 +133,7 @@ def _file(source: Path) -> Path:
 
 def _parsed(file: Path) -> Element:
     """The document's root. A document type is refused: it could name files and expand without bound."""
+    need_file(file, "cameras as Metashape exports them", most=MOST_JSON_BYTES)
     try:
         text = file.read_bytes()
     except OSError as error:

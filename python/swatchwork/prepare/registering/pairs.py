@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from swatchwork.arrays import F64
+from swatchwork.capture import read_json
 from swatchwork.errors import InputError
 from swatchwork.whole import whole_text
 
@@ -57,12 +58,7 @@ def read_pairs(file: Path) -> dict[str, Pairs]:
         InputError: the file cannot be read, is no JSON of the form above, holds a number that is not finite,
             or names a photograph twice.
     """
-    try:
-        document = json.loads(file.read_text(encoding="utf-8"), object_pairs_hook=_once(file))
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror})", file=file, expected=EXPECTED) from error
-    except ValueError as error:
-        raise InputError(f"is not JSON ({error})", file=file, expected=EXPECTED) from error
+    document = read_json(file, EXPECTED)
     photographs = document.get("photographs") if isinstance(document, dict) else None
     if not isinstance(photographs, dict):
         raise InputError(
@@ -100,20 +96,6 @@ def write_pairs(file: Path, pairs: Mapping[str, Pairs], mesh: str) -> None:
     }
     text = json.dumps({"mesh": mesh, "photographs": photographs}, indent=1, allow_nan=False)
     whole_text(file, text + "\n")
-
-
-def _once(file: Path) -> Any:
-    """An object hook for `json` that refuses a key given twice, of which Python would keep the last."""
-
-    def hook(items: list[tuple[str, Any]]) -> dict[str, Any]:
-        made = dict(items)
-        if len(made) < len(items):
-            keys = [key for key, _ in items]
-            twice = next(key for key in keys if keys.count(key) > 1)
-            raise InputError(f'"{twice}" is there twice', file=file, expected="each name once in an object")
-        return made
-
-    return hook
 
 
 def _pairs(file: Path, photograph: str, entries: Any) -> Pairs:

@@ -1,0 +1,405 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""Captures made to do harm: what is declared, named and nested, one wrong thing each, and the message.
+
+`make fuzz` looks for more of the kind by the thousand; what it found is here.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import struct
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+
+from swatchwork.capture import (
+    read_capture,
+    read_image,
+    read_json,
+    read_photograph,
+    write_exr,
+    write_exr_channels,
+)
+from swatchwork.capture.fields import LINKS_INTO
+from swatchwork.capture.images import image_size
+from swatchwork.errors import CaptureWarning, InputError
+from swatchwork.surface import read_mesh
+
+POSE = [[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 4], [0, 0, 0, 1]]
+OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+
+
+@pytest.fixture
+def capture(tmp_path: Path) -> Path:
+    """One photograph of 6 x 4 pixels with a mask, a mesh of four triangles, a light of 8 x 4."""
+    folder = tmp_path / "home" / "capture"
+    folder.mkdir(parents=True)
+    (folder / "mesh.obj").write_text(OBJ)
+    write_exr(folder / "env.exr", np.ones((4, 8, 3), np.float32))
+    write_exr(folder / "a.exr", np.ones((4, 6, 3), np.float32))
+    Image.fromarray(np.full((4, 6), 255, np.uint8)).save(folder / "mask.png")
+    frame = {"file_path": "a.exr", "transform_matrix": POSE, "mask_path": "mask.png"}
+    head = {"mesh": "mesh.obj", "environment": {"file": "env.exr", "convention": "blender"}}
+    head |= {"w": 6, "h": 4, "fl_x": 9.0, "frames": [frame]}
+    (folder / "transforms.json").write_text(json.dumps(head))
+    return folder
+
+
+def refused(folder: Path, *parts: str) -> None:
+    """Reading all of the capture raises an InputError with these parts in its message."""
+    with pytest.raises(InputError) as caught:
+        read = read_capture(folder)
+        for frame in read.frames:
+            read_photograph(frame)
+        assert read.mesh_path is not None and read.environment is not None
+        read_mesh(read.mesh_path)
+        read_image(read.environment.file)
+    missing = [part for part in parts if part not in str(caught.value)]
+    assert missing == [], str(caught.value)
+
+
+def edit(folder: Path, change: Callable[[dict[str, Any], dict[str, Any]], object]) -> None:
+    head = json.loads((folder / "transforms.json").read_text())
+    change(head, head["frames"][0])
+    (folder / "transforms.json").write_text(json.dumps(head))
+
+
+def frame_key(key: str, value: object) -> Callable[[Path], None]:
+    return lambda folder: edit(folder, lambda _, frame: frame.update({key: value}))
+
+
+def key(name: str, value: object) -> Callable[[Path], None]:
+    return lambda folder: edit(folder, lambda head, _: head.update({name: value}))
+
+
+def pose(row: int, column: int, value: object) -> Callable[[Path], None]:
+    def change(_: dict[str, Any], frame: dict[str, Any]) -> None:
+        frame["transform_matrix"][row][column] = value
+
+    return lambda folder: edit(folder, change)
+
+
+def replaced_by(name: str, make: Callable[[Path], object]) -> Callable[[Path], None]:
+    def change(folder: Path) -> None:
+        (folder / name).unlink()
+        make(folder / name)
+
+    return change
+
+
+CANCELLING = [[1e200, 1e200, 0, 0], [1e200, -1e200, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+
+JSON: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
+    "deep": (lambda f: (f / "transforms.json").write_text("[" * 100_000), ("nested too deeply",)),
+    "a key twice": (
+        lambda f: (f / "transforms.json").write_text('{"mesh": "a.obj", "mesh": "b.obj"}'),
+        ('"mesh" is there twice',),
+    ),
+    "a number of 5000 digits": (
+        lambda f: (f / "transforms.json").write_text('{"w": 1' + "0" * 5000 + "}"),
+        ("not JSON",),
+    ),
+    "true as a number": (frame_key("fl_x", True), ('"fl_x" is True', "a positive number")),
+    "1e400": (frame_key("cx", float("inf")), ('"cx" is inf', "finite")),
+    "an integer beyond doubles": (frame_key("cx", 10**400), ('"cx" is 1', "finite")),
+    "strings in a pose": (frame_key("transform_matrix", [["1"] * 4] * 4), ("4 rows of 4 numbers",)),
+    "true in a pose": (pose(0, 0, True), ("4 rows of 4 numbers",)),
+    "null in a pose": (pose(0, 0, None), ("4 rows of 4 numbers",)),
+    "a pose beyond doubles": (pose(0, 3, 10**400), ("finite numbers",)),
+    "a pose that cancels to NaN": (frame_key("transform_matrix", CANCELLING), ("not rigid",)),
+    "a camera far away": (pose(0, 3, 1e300), ("translation", "1e+12")),
+    "an exposure that underflows": (frame_key("exposure", 1e-300), ('"exposure" is 1e-300',)),
+    "an exposure that overflows": (frame_key("exposure", 1e300), ('"exposure" is 1e+300',)),
+    "a distortion that overflows": (frame_key("k2", 1.7e308), ("k2", "1e+09")),
+    "more pixels than we read": (frame_key("w", 10**9), ("1000000000 x 4", "pixels in all")),
+    "the version true": (key("format_version", True), ("format_version",)),
+    "the folder itself": (frame_key("file_path", "."), ("\"file_path\" is '.', a folder",)),
+    "a folder above itself": (frame_key("mask_path", "x/.."), ("a folder",)),
+    "a name too long": (frame_key("file_path", "a" * 5000 + ".exr"), ("there is no",)),
+    "NUL in a name": (frame_key("file_path", "a.exr\0"), ("control characters",)),
+    "a line end in a name": (frame_key("file_path", "a\nerror: b.exr"), ("a\\nerror", "control characters")),
+    "a surrogate in a name": (frame_key("file_path", "\ud800.exr"), ("control characters",)),
+    "an escape in a name": (frame_key("mask_path", "\x1b[31m.png"), ("\\x1b", "control characters")),
+    "an absolute path": (key("mesh", "/etc/passwd"), ("outside the capture folder",)),
+    "a path of Windows": (key("mesh", "C:\\mesh.obj"), ("outside the capture folder",)),
+    "backslashes": (frame_key("file_path", "..\\..\\a.exr"), ("outside the capture folder",)),
+    "an address": (key("mesh", "http://127.0.0.1/mesh.obj"), ("outside the capture folder",)),
+}
+
+
+@pytest.mark.parametrize("case", JSON)
+def test_json(case: str, capture: Path) -> None:
+    spoil, parts = JSON[case]
+    spoil(capture)
+    refused(capture, "transforms.json", *parts)
+
+
+@pytest.mark.parametrize("name", ["transforms.json", "mesh.obj", "env.exr", "a.exr", "mask.png"])
+@pytest.mark.parametrize("kind", ["pipe", "device", "folder", "loop"])
+def test_only_regular_files_are_read(name: str, kind: str, capture: Path) -> None:
+    """A pipe would block for ever, /dev/zero never end."""
+    make: dict[str, Callable[[Path], object]] = {
+        "pipe": os.mkfifo,
+        "device": lambda file: file.symlink_to("/dev/zero"),
+        "folder": Path.mkdir,
+        "loop": lambda file: file.symlink_to(file.name),
+    }
+    replaced_by(name, make[kind])(capture)
+    refused(capture, name)
+
+
+@pytest.mark.parametrize("name", ["mesh.obj", "env.exr", "a.exr", "mask.png"])
+def test_links_stay_in_the_folder(name: str, capture: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that leads to a private file would bring it into a report that is passed on."""
+    private = capture.parents[1] / "private"
+    private.mkdir()
+    (capture / name).rename(private / name)
+    (capture / name).symlink_to(private / name)
+    refused(capture, name, "a link that leads outside", str(private), LINKS_INTO)
+    # What the user trusts is followed; what only begins alike is not.
+    monkeypatch.setenv(LINKS_INTO, f"{capture}{os.pathsep}{private}")
+    read_photograph(read_capture(capture).frames[0])
+    monkeypatch.setenv(LINKS_INTO, str(private)[:-1])
+    refused(capture, "a link that leads outside")
+
+
+def test_links_within_the_folder_are_followed(capture: Path) -> None:
+    (capture / "kept").mkdir()
+    for name in ("mesh.obj", "a.exr"):
+        (capture / name).rename(capture / "kept" / name)
+        (capture / name).symlink_to(Path("kept") / name)
+    read_photograph(read_capture(capture).frames[0])
+    # The folder itself may be a link, and a mesh may lie, or link, one folder up.
+    (capture.parent / "other").symlink_to(capture)
+    (capture / "kept/mesh.obj").rename(capture.parent / "mesh.obj")
+    (capture / "mesh.obj").unlink()
+    (capture / "mesh.obj").symlink_to("../mesh.obj")
+    read_capture(capture.parent / "other")
+
+
+def test_a_folder_that_is_a_link_to_outside(capture: Path) -> None:
+    private = capture.parents[1] / "private"
+    private.mkdir()
+    (capture / "a.exr").rename(private / "a.exr")
+    (capture / "images").symlink_to(private)
+    frame_key("file_path", "images/a.exr")(capture)
+    refused(capture, "a link that leads outside")
+
+
+def exr_window(file: Path, name: str, corner: tuple[int, int]) -> None:
+    content = bytearray(file.read_bytes())
+    at = content.index(name.encode() + b"\0box2i\0") + len(name) + 11
+    struct.pack_into("<ii", content, at + 8, *corner)
+    file.write_bytes(content)
+
+
+def png(file: Path, width: int, height: int, pixels: bytes) -> None:
+    content = b"\x89PNG\r\n\x1a\n"
+    head = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
+    for kind, data in ((b"IHDR", head), (b"IDAT", zlib.compress(pixels, 9)), (b"IEND", b"")):
+        content += struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+    file.write_bytes(content)
+
+
+def test_exr_windows_are_held_against_the_file(tmp_path: Path) -> None:
+    for name in ("dataWindow", "displayWindow"):
+        for corner, part in (
+            ((2**31 - 1, 2**31 - 1), "a.exr"),
+            ((40_000, 40_000), "declares 40001 x 40001"),
+            ((9_000, 9_000), "bytes"),
+        ):
+            write_exr(tmp_path / "a.exr", np.ones((4, 6, 3), np.float32))
+            exr_window(tmp_path / "a.exr", name, corner)
+            with pytest.raises(InputError, match=part):
+                read_image(tmp_path / "a.exr")
+
+
+def test_uniform_exrs_are_no_bombs(tmp_path: Path) -> None:
+    """Nothing but zeros packs as well as it gets; the limit leaves that alone."""
+    for half in (False, True):
+        write_exr(tmp_path / "a.exr", np.zeros((512, 1024, 4), np.float32), half=half)
+        assert not read_image(tmp_path / "a.exr").linear.any()
+    write_exr_channels(tmp_path / "y.exr", {"Y": np.zeros((1024, 1024), np.float16)})
+    assert not read_image(tmp_path / "y.exr").linear.any()
+
+
+def test_uniform_pictures_are_no_bombs(tmp_path: Path) -> None:
+    for name, pixels in {
+        "bits.png": Image.new("1", (1024, 1024)),
+        "gray.png": Image.new("L", (1024, 1024)),
+        "deep.png": Image.new("I;16", (1024, 1024)),
+        "colour.jpg": Image.new("RGB", (1024, 1024)),
+        "gray.jpg": Image.new("L", (1024, 1024)),
+    }.items():
+        pixels.save(tmp_path / name)
+        assert not read_image(tmp_path / name).linear.any()
+    assert cv2.imwrite(str(tmp_path / "zero.hdr"), np.zeros((1024, 1024, 3), np.float32))
+    assert not read_image(tmp_path / "zero.hdr").linear.any()
+
+
+def test_png_sizes_are_held_against_the_file(tmp_path: Path) -> None:
+    for width, height in ((2**31 - 1, 2**31 - 1), (13_000, 13_000), (30_000, 30_000)):
+        png(tmp_path / "a.png", width, height, bytes(1000))
+        with pytest.raises(InputError, match=r"a\.png: (declares|cannot be read)"):
+            image_size(tmp_path / "a.png")
+    # A bomb proper: all that it declares is there. It is refused by its size before it is unpacked.
+    png(tmp_path / "bomb.png", 14_000, 14_000, bytes(14_001 * 14_000))
+    with pytest.raises(InputError, match=r"196000000 pixels|declares 14000 x 14000"):
+        read_image(tmp_path / "bomb.png")
+
+
+def test_hdr_sizes_are_held_against_the_file(tmp_path: Path) -> None:
+    file = tmp_path / "a.hdr"
+    head = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n"
+    for size in (
+        b"-Y 99999999 +X 99999999",
+        b"-Y 9000 +X 9000",
+        b"-Y 0 +X 5",
+        b"-Y -5 +X 5",
+        b"+X 5 -Y 5",
+        b"",
+    ):
+        file.write_bytes(head + size + b"\n" + bytes(400))
+        with pytest.raises(InputError, match=r"a\.hdr"):
+            read_image(file)
+
+
+def test_files_are_what_their_names_say(tmp_path: Path) -> None:
+    """Pillow and OpenCV know dozens of formats; a stranger's file is not tried with each."""
+    Image.new("RGB", (4, 4)).save(tmp_path / "a.bmp")
+    Image.new("RGB", (4, 4)).save(tmp_path / "b.png")
+    for source, name in (("a.bmp", "x.png"), ("a.bmp", "x.jpg"), ("b.png", "x.hdr"), ("b.png", "x.jpg")):
+        (tmp_path / name).write_bytes((tmp_path / source).read_bytes())
+        with pytest.raises(InputError, match=name):
+            read_image(tmp_path / name)
+
+
+def test_masks_of_another_size_are_not_decoded(capture: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    png(capture / "mask.png", 3000, 3000, bytes(3001 * 3000))
+    monkeypatch.setattr("swatchwork.capture.photograph.read_mask", lambda _: pytest.fail("it was decoded"))
+    with pytest.raises(InputError, match="3000 x 3000"):
+        read_photograph(read_capture(capture).frames[0])
+
+
+def test_radiance_beyond_the_sun(capture: Path) -> None:
+    for file in ("a.exr", "env.exr"):
+        pixels = read_image(capture / file).linear.copy()
+        pixels[1, 1, 1] = 3e38
+        write_exr(capture / file, pixels)
+    with pytest.raises(InputError, match=r"a\.exr .*3e\+38"):
+        read_photograph(read_capture(capture).frames[0])
+    with pytest.raises(InputError, match=r"env\.exr: a pixel has 3e\+38"):
+        from swatchwork.light import read_environment
+
+        light = read_capture(capture).environment
+        assert light is not None
+        read_environment(light)
+
+
+MESHES: dict[str, tuple[str, str]] = {
+    "index 0 of a texture coordinate": ("f 1/0 2/1 3/1\n", "names vt 0"),
+    "an index beyond integers": (f"f 1 2 {10**30}\n", "line 9"),
+    "counting back too far": ("f -99 1 2\n", "counts back"),
+    "a vertex far away": ("v 1e30 0 0\nf 1 2 5\n", "1e\\+30"),
+    "a vertex beyond doubles": ("v 1e400 0 0\nf 1 2 5\n", "infinite"),
+}
+
+
+@pytest.mark.parametrize("case", MESHES)
+def test_obj(case: str, tmp_path: Path) -> None:
+    line, message = MESHES[case]
+    (tmp_path / "mesh.obj").write_text(OBJ + line)
+    with pytest.raises(InputError, match=message):
+        read_mesh(tmp_path / "mesh.obj")
+
+
+def test_numbers_of_a_mesh_that_are_none(tmp_path: Path) -> None:
+    file = tmp_path / "mesh.obj"
+    for tag, what in (("vt", "texture coordinates"), ("vn", "normals")):
+        corner = "{0}/1" if tag == "vt" else "{0}//1"
+        faces = "".join(
+            "f " + " ".join(corner.format(i) for i in f) + "\n" for f in ("132", "124", "143", "234")
+        )
+        file.write_text(OBJ[: OBJ.index("f")] + f"{tag} nan 0 0\n" + faces)
+        with pytest.warns(CaptureWarning, match=f"some {what} are NaN"):
+            mesh = read_mesh(file)
+        assert mesh.uv is None and np.isfinite(mesh.normals).all()
+
+
+def test_obj_reads_no_other_file(tmp_path: Path) -> None:
+    """Materials and textures are ignored, wherever they point: a pipe would block whoever opened it."""
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "mesh.obj").write_text("mtllib pipe\nusemtl /dev/zero\n" + OBJ)
+    assert len(read_mesh(tmp_path / "mesh.obj").faces) == 4
+
+
+PLY_HEAD = "ply\nformat {kind} 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+PLY_HEAD += "element face {faces}\nproperty list {length} int vertex_indices\nend_header\n"
+PLY_ROWS = "0 0 0\n1 0 0\n0 1 0\n"
+
+
+def ply(rows: str, faces: str = "1", kind: str = "ascii", length: str = "uchar") -> bytes:
+    return (PLY_HEAD.format(kind=kind, faces=faces, length=length) + PLY_ROWS + rows).encode()
+
+
+PLYS: dict[str, tuple[bytes, str]] = {
+    "more faces than rows": (ply("3 0 1 2\n", "2"), "declares 2 of the element 'face'"),
+    "billions of faces": (ply("3 0 1 2\n", str(10**9)), "1000000000"),
+    "more faces than integers": (ply("3 0 1 2\n", str(10**30)), "header has the line"),
+    "minus one face": (ply("3 0 1 2\n", "-1"), "header has the line"),
+    "a list of no length": (ply("0\n"), "of length"),
+    "a list of negative length": (ply("-3 0 1 2\n", length="char"), "of length"),
+    "a list longer than its row": (ply("9 0 1 2\n"), "a row of the element"),
+    "a list of fractional length": (ply("3 0 1 2\n", length="float"), "header has the line"),
+    "no end of the header": (ply("").partition(b"end_header")[0], "no end"),
+    "an unknown format": (ply("3 0 1 2\n", kind="binary_middle_endian"), "format"),
+    "a vertex that is not there": (ply("3 0 1 7\n"), "vertex"),
+}
+
+
+@pytest.mark.parametrize("case", PLYS)
+def test_ply(case: str, tmp_path: Path) -> None:
+    content, message = PLYS[case]
+    (tmp_path / "mesh.ply").write_bytes(content)
+    with pytest.raises(InputError, match=message):
+        read_mesh(tmp_path / "mesh.ply")
+
+
+def test_binary_ply(tmp_path: Path) -> None:
+    head = PLY_HEAD.format(kind="binary_little_endian", faces="2", length="char").encode()
+    vertices = np.eye(3, dtype="<f4").tobytes()
+    whole = struct.pack("<biii", 3, 0, 1, 2) + struct.pack("<biii", 3, 2, 1, 0)
+    (tmp_path / "mesh.ply").write_bytes(head + vertices + whole)
+    assert len(read_mesh(tmp_path / "mesh.ply").faces) == 2
+    for lengths, message in (
+        ((3, 0), "3 and of 0"),
+        ((-1, 3), "of length -1"),
+        ((127, 3), "of length 127"),
+        ((4, 3), "room for 1"),
+    ):
+        rows = b"".join(struct.pack("<biii", length, 0, 1, 2) for length in lengths)
+        (tmp_path / "mesh.ply").write_bytes(head + vertices + rows)
+        with pytest.raises(InputError, match=message):
+            read_mesh(tmp_path / "mesh.ply")
+
+
+def test_ply_reads_no_texture(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    content = ply("3 0 1 2\n").replace(b"element vertex", b"comment TextureFile pipe\nelement vertex")
+    (tmp_path / "mesh.ply").write_bytes(content)
+    assert len(read_mesh(tmp_path / "mesh.ply").faces) == 1
+
+
+def test_json_files_have_a_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("swatchwork.capture.guarding.MOST_JSON_BYTES", 100)
+    (tmp_path / "a.json").write_text("[" + "1, " * 100 + "1]")
+    with pytest.raises(InputError, match="303 bytes long; expected 100 at most"):
+        read_json(tmp_path / "a.json")
