@@ -61,6 +61,18 @@ def sky_masks(scene: RayScene, atlas: Atlas, samples: int = SAMPLES, progress: P
     of the levels before agree is taken from them. Masks that hide nothing are not kept, so a convex
     object without occluders has none.
     """
+    chosen, owner = shared_samples(scene, atlas, samples)
+    words = _traced(scene, atlas, chosen, progress)
+    hides = ~(words == np.uint64(0xFFFFFFFFFFFFFFFF)).all(axis=1)
+    row = np.where(hides, np.cumsum(hides) - 1, -1)
+    return SkyMasks(words[hides], row.astype(np.int32)[owner])
+
+
+def shared_samples(scene: RayScene, atlas: Atlas, samples: int) -> tuple[I64, I32]:
+    """About ``samples`` texels [Q] evenly over the surface, and which of them [M] is nearest to each texel.
+
+    Nearest in position and normal; where normals turn too fast for that, there are further samples.
+    """
     chosen = _spread_samples(atlas, samples)
     owner = _nearest(scene, atlas, chosen)
     astray = _astray(atlas, chosen, owner)
@@ -68,10 +80,7 @@ def sky_masks(scene: RayScene, atlas: Atlas, samples: int = SAMPLES, progress: P
         further = astray[:: max(1, 4 * len(astray) // max(samples, 1))]
         chosen = np.concatenate([chosen, np.setdiff1d(further, chosen)])
         owner = _nearest(scene, atlas, chosen)
-    words = _traced(scene, atlas, chosen, progress)
-    hides = ~(words == np.uint64(0xFFFFFFFFFFFFFFFF)).all(axis=1)
-    row = np.where(hides, np.cumsum(hides) - 1, -1)
-    return SkyMasks(words[hides], row.astype(np.int32)[owner])
+    return chosen, owner
 
 
 def _spread_samples(atlas: Atlas, samples: int) -> I64:

@@ -1,0 +1,9 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""Interreflection: light that reaches a point by way of the object itself."""
+
+from .bounce import Reflecting, bounced, bounces_of
+from .light import IndirectLight
+from .surroundings import Surroundings, surroundings
+
+__all__ = ["IndirectLight", "Reflecting", "Surroundings", "bounced", "bounces_of", "surroundings"]

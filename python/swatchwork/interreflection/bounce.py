@@ -1,0 +1,143 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""One bounce: what the surface, as it is known, sends to the places that see it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from ..arrays import F32, F64, I32, I64, U8, U32, unit
+from ..observe import Lights
+from ..progress import SILENT, Progress
+from ..reflectance import GenericBasis
+from ..response import Quadrature, log_rings, representative_responses
+from ..surface import Atlas, SkyMasks, facing
+from .light import IndirectLight
+from .surroundings import Surroundings
+
+COARSE = Quadrature(
+    layers=(log_rings(1e-3, 0.12, 10, 8), log_rings(0.007, 0.32, 8, 12), log_rings(0.025, 1.5, 8, 16)),
+    bounds=(0.036, 0.125),
+    bins=np.geomspace(0.006, 2.0, 60),
+)
+SKY_BLUR = 16
+"""Pixels along the side of the sky that the surface is lit by: mirrored in a cell of surface, it is blurred as much."""
+CELLS_AT_ONCE = 1 << 15
+LOOKS = 4
+"""Directions from which the light of the bounce before is looked at."""
+LOOKED_AT = 0.6
+"""Their cosine to the normal, near the mean over the hemisphere."""
+
+
+@dataclass(frozen=True)
+class Reflecting:
+    """The surface as it is known: representatives blended at texels, under shadowed light."""
+
+    atlas: Atlas
+    basis: GenericBasis
+    representatives: F64
+    """[N, J, 3]"""
+    index: U8 | U32
+    """[H, W, n] representatives blended at each pixel of the atlas."""
+    weight: F32
+    """[H, W, n]"""
+    sky: SkyMasks
+    lights: Lights
+
+    def blend(self, texel: I32 | I64) -> F32:
+        """Weights [T, N] of texels."""
+        pixel = self.atlas.pixel[texel]
+        n = self.index.shape[-1]
+        index, weight = self.index.reshape(-1, n)[pixel], self.weight.reshape(-1, n)[pixel]
+        found = np.zeros((len(texel), len(self.representatives)), np.float32)
+        at = np.arange(len(texel))
+        for i in range(n):
+            found[at, index[:, i]] += weight[:, i]
+        return found
+
+    def respond(self, *where: object, quadrature: Quadrature) -> F32:
+        """Responses of the representatives, as the operator takes its arguments."""
+        return representative_responses(self.basis, self.representatives, *where, quadrature=quadrature)  # type: ignore[arg-type]
+
+
+def bounced(
+    surface: Reflecting,
+    around: Surroundings,
+    before: IndirectLight | None = None,
+    progress: Progress = SILENT,
+) -> IndirectLight:
+    """Light from the surface: what the sky makes it show and, of the bounces before, what it reflects on.
+
+    The latter is taken as the same towards all sides, from the mean over a few directions at each place.
+    """
+    groups = list(surface.lights.groups())
+    of_frame = np.zeros(len(surface.lights.of_frame), np.int32)
+    radiance = np.empty((len(groups), len(around.cell), 3), np.float32)
+    parts = [slice(i, i + CELLS_AT_ONCE) for i in range(0, len(around.cell), CELLS_AT_ONCE)]
+    with progress.stage("Bouncing light", len(groups) * len(parts)) as task:
+        for g, (_, _, frames) in enumerate(groups):
+            of_frame[frames] = g
+            frame = int(np.argmax(frames))
+            glow = None if before is None else _glow(surface, around, before, frame)
+            for part in parts:
+                radiance[g, part] = _shown(surface, around, part, frame, glow)
+                task.advance()
+    return IndirectLight(around, radiance, of_frame)
+
+
+def bounces_of(
+    surface: Reflecting, around: Surroundings, count: int, progress: Progress = SILENT
+) -> IndirectLight:
+    """Light from the surface after up to ``count`` reflections of the sky's, ``count`` from 1 on."""
+    light = bounced(surface, around, None, progress)
+    for _ in range(1, count):
+        light = bounced(surface, around, light, progress)
+    return light
+
+
+def _shown(
+    surface: Reflecting, around: Surroundings, part: slice, frame: int, glow: F32 | None
+) -> F32:
+    """Radiance [E, 3] that cells receive in a frame's light."""
+    seen, towards = around.seen[part], -around.direction[part]
+    normal = facing(around.normal[part].astype(np.float64), towards.astype(np.float64)).astype(np.float32)
+    responses = surface.lights.each(
+        np.full(len(seen), frame, np.int32),
+        normal,
+        towards,
+        surface.sky,
+        seen,
+        len(surface.representatives),
+        partial(surface.respond, quadrature=COARSE),
+        sky_size=SKY_BLUR,
+    )
+    if glow is not None:
+        place = around.place_of[seen]
+        lit = np.flatnonzero(place >= 0)
+        responses[lit] += glow[place[lit]]
+    # Rounding leaves what is black a hair below 0.
+    return np.maximum(np.einsum("en,enc->ec", surface.blend(seen), responses), 0).astype(np.float32)
+
+
+def _glow(surface: Reflecting, around: Surroundings, before: IndirectLight, frame: int) -> F32:
+    """What each representative would show of the light before [C, N, 3], as a mean over LOOKS directions."""
+    normal = surface.atlas.normal(around.texel).astype(np.float64)
+    across = unit(np.cross(normal, np.where(np.abs(normal[:, :1]) < 0.7, [1.0, 0, 0], [0, 1.0, 0])))
+    beside = np.cross(normal, across)
+    angle = 2 * np.pi * (np.arange(LOOKS) + 0.5) / LOOKS
+    sine = np.sqrt(1 - LOOKED_AT**2)
+    ring = np.cos(angle)[:, None] * across[:, None] + np.sin(angle)[:, None] * beside[:, None]
+    towards = LOOKED_AT * normal[:, None] + sine * ring
+    count = len(around) * LOOKS
+    found = before.responses(
+        np.full(count, frame, np.int32),
+        np.repeat(around.texel, LOOKS),
+        np.repeat(normal, LOOKS, axis=0),
+        towards.reshape(-1, 3),
+        len(surface.representatives),
+        surface.respond,
+    )
+    return np.asarray(found.reshape(len(around), LOOKS, -1, 3).mean(axis=1))
