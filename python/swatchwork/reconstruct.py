@@ -4,11 +4,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from .capture import Capture
 from .errors import InputError
-from .keeping import IN_MEMORY, Array, Keeper
+from .interreflection import Reflecting, bounced, surroundings
+from .keeping import IN_MEMORY, Array, Keeper, Part
 from .observe import Lights, Observations, Rendering, Weighting, observe
 from .progress import SILENT, Progress
 from .reflectance import GenericBasis, basis_by_name
@@ -42,6 +43,8 @@ class ReconstructOptions:
     """Weights of measurements: by projected area, or `equal` as in the paper's Eq. 5."""
     memory: float = 2.0
     """GB that the search and the tiles may take beside atlas and photograph, about."""
+    interreflections: int = 0
+    """Times to reconstruct anew under the light that the object, as then known, sends to itself."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +58,14 @@ class Reconstruction:
     basis: GenericBasis
     solution: Solution
     blend: TexelBlend
+
+    @property
+    def surface(self) -> Reflecting:
+        """What is known of the surface, for light that bounces off it."""
+        known = self.solution.representatives, self.blend.index, self.blend.weight
+        return Reflecting(
+            self.observations.atlas, self.basis, *known, self.rendering.sky, self.rendering.lights
+        )
 
 
 def reconstruct(
@@ -84,7 +95,38 @@ def reconstruct(
     with progress.stage("blend"):
         how = options.solve
         blend = blend_every_texel(rendering, basis, solution, how.search, how.seed, budget, progress, keeper)
-    return Reconstruction(mesh, scene, observations, rendering, basis, solution, blend)
+    found = Reconstruction(mesh, scene, observations, rendering, basis, solution, blend)
+    return under_its_own_light(found, options, progress, keeper) if options.interreflections else found
+
+
+def under_its_own_light(
+    found: Reconstruction,
+    options: ReconstructOptions,
+    progress: Progress = SILENT,
+    keeper: Keeper = IN_MEMORY,
+) -> Reconstruction:
+    """The same with interreflections: each round solves under the light that the round before reflects.
+
+    The first round's light has one bounce from a material that was fitted to all bounces, so that it is about
+    right already; each further round adds a bounce, of the material as it then is.
+    """
+    how, budget, light = options.solve, Budget(options.memory), None
+    pixels = found.blend.texel_of_pixel
+    with progress.stage("surroundings"):
+        atlas, sky = found.observations.atlas, found.rendering.sky
+        around = surroundings(found.scene, atlas, sky, pixels, progress=progress, keeper=keeper)
+    for turn in range(1, options.interreflections + 1):
+        kept = Part(keeper, f"bounce-{turn}-")
+        with progress.stage("bounce"):
+            light = bounced(found.surface, around, light, progress, kept)
+            rendering = found.rendering.under(light)
+        start, basis = found.solution, found.basis
+        solution = solve_on_subset(rendering, basis, options.texels, how, budget, progress, kept, start)
+        with progress.stage("blend"):
+            by = how.search, how.seed
+            blend = blend_every_texel(rendering, basis, solution, *by, budget, progress, kept)
+        found = replace(found, rendering=rendering, solution=solution, blend=blend)
+    return found
 
 
 def surface_of(

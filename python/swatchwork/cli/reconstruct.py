@@ -155,6 +155,18 @@ def reconstruct(
             rich_help_panel=SEARCH,
         ),
     ] = 2.0,
+    interreflections: Annotated[
+        int,
+        typer.Option(
+            min=0,
+            max=8,
+            metavar="ROUNDS",
+            help="Light that parts of the object send to each other: ROUNDS times, solve and blend again under "
+            "it (2 serve most objects; each takes about as long as the search and the blend).",
+            show_default="0, ignored",
+            rich_help_panel=SEARCH,
+        ),
+    ] = 0,
     viewer: Annotated[
         bool, typer.Option("--viewer/--no-viewer", help="Also write viewer.html, the interactive page.")
     ] = True,
@@ -195,7 +207,9 @@ def reconstruct(
         search_order=search_order.value,
         seed=seed,
     )
-    options = ReconstructOptions(resolution, basis.value, texels, solve, weighting.value, memory)
+    options = ReconstructOptions(
+        resolution, basis.value, texels, solve, weighting.value, memory, interreflections
+    )
     with session(as_json=as_json, quiet=quiet, verbose=verbose) as run:
         summary = reconstruct_folder(
             capture, output, options, views=views, viewer=viewer, progress=run.progress

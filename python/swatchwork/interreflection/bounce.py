@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 
 from ..arrays import F32, F64, I32, I64, U8, U32, unit
+from ..keeping import IN_MEMORY, Array, Keeper
 from ..observe import Lights
 from ..progress import SILENT, Progress
 from ..reflectance import GenericBasis
@@ -68,24 +69,36 @@ def bounced(
     around: Surroundings,
     before: IndirectLight | None = None,
     progress: Progress = SILENT,
+    keeper: Keeper = IN_MEMORY,
 ) -> IndirectLight:
     """Light from the surface: what the sky makes it show and, of the bounces before, what it reflects on.
 
     The latter is taken as the same towards all sides, from the mean over a few directions at each place.
     """
-    groups = list(surface.lights.groups())
+
+    def make() -> dict[str, Array]:
+        return {"radiance": _sent(surface, around, before, progress)}
+
+    kept = keeper.kept("light", make)
     of_frame = np.zeros(len(surface.lights.of_frame), np.int32)
+    for g, (_, _, frames) in enumerate(surface.lights.groups()):
+        of_frame[frames] = g
+    return IndirectLight(around, kept.rows("radiance"), of_frame)
+
+
+def _sent(surface: Reflecting, around: Surroundings, before: IndirectLight | None, progress: Progress) -> F32:
+    """[G, E, 3]: what each cell receives under each light."""
+    groups = list(surface.lights.groups())
     radiance = np.empty((len(groups), len(around.cell), 3), np.float32)
     parts = [slice(i, i + CELLS_AT_ONCE) for i in range(0, len(around.cell), CELLS_AT_ONCE)]
     with progress.stage("Bouncing light", len(groups) * len(parts)) as task:
         for g, (_, _, frames) in enumerate(groups):
-            of_frame[frames] = g
             frame = int(np.argmax(frames))
             glow = None if before is None else _glow(surface, around, before, frame)
             for part in parts:
                 radiance[g, part] = _shown(surface, around, part, frame, glow)
                 task.advance()
-    return IndirectLight(around, radiance, of_frame)
+    return radiance
 
 
 def bounces_of(
@@ -98,9 +111,7 @@ def bounces_of(
     return light
 
 
-def _shown(
-    surface: Reflecting, around: Surroundings, part: slice, frame: int, glow: F32 | None
-) -> F32:
+def _shown(surface: Reflecting, around: Surroundings, part: slice, frame: int, glow: F32 | None) -> F32:
     """Radiance [E, 3] that cells receive in a frame's light."""
     seen, towards = around.seen[part], -around.direction[part]
     normal = facing(around.normal[part].astype(np.float64), towards.astype(np.float64)).astype(np.float32)
@@ -119,7 +130,8 @@ def _shown(
         lit = np.flatnonzero(place >= 0)
         responses[lit] += glow[place[lit]]
     # Rounding leaves what is black a hair below 0.
-    return np.maximum(np.einsum("en,enc->ec", surface.blend(seen), responses), 0).astype(np.float32)
+    shown = np.einsum("en,enc->ec", surface.blend(seen), responses)
+    return np.asarray(np.maximum(shown, 0), np.float32)
 
 
 def _glow(surface: Reflecting, around: Surroundings, before: IndirectLight, frame: int) -> F32:

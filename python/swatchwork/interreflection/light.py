@@ -40,6 +40,11 @@ class IndirectLight:
     of_frame: I32
     """[k] light of each frame."""
 
+    def under(self, frame: int) -> IndirectLight:
+        """That of one frame alone, which is then frame 0."""
+        light = int(self.of_frame[frame])
+        return IndirectLight(self.around, self.radiance[light : light + 1], np.zeros(1, np.int32))
+
     def responses(
         self,
         frame: I32,

@@ -186,6 +186,10 @@ class Rendering:
         self.observations, self.sky, self.weighting = observations, sky, weighting
         self.lights, self._groups = lights, list(lights.groups())
 
+    def under(self, more: MoreLight) -> Rendering:
+        """The same with other light beside the sky's."""
+        return Rendering(self.observations, self.lights, self.sky, self.weighting, more)
+
     def pairs(self, texels: I64) -> Pairs:
         """The measured pairs of ``texels`` [T], which must rise."""
         seen = self.observations.pairs(texels)

@@ -20,7 +20,6 @@ from .view import View, see, surface_at
 CELLS_AT_ONCE = 1 << 15
 
 
-
 def render(
     scene: RelitScene,
     camera: Camera,
@@ -73,8 +72,6 @@ def _radiance(
     responses = respond(environment.pyramid(), upright, viewer, sky.words, sky.of_texel[texel])
     if indirect is not None:
         light = np.zeros(len(texel), np.int32)
-        responses += indirect.responses(
-            light, texel, upright, viewer, len(scene.representatives), respond
-        )
+        responses += indirect.responses(light, texel, upright, viewer, len(scene.representatives), respond)
     blend = np.add.reduceat(scene.blend_at(uv), first) / np.diff(offsets)[:, None]
     return np.asarray(np.einsum("gn,gnc->gc", blend, responses), dtype=np.float32)

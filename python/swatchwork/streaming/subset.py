@@ -54,7 +54,7 @@ def solve_on_subset(
     keeper: Keeper = IN_MEMORY,
     start: Solution | None = None,
 ) -> Solution:
-    """Find n, N and the representatives from about ``texels`` texels, and more where those miss something.
+    """Find n, N and the representatives from about ``texels`` texels, more where those miss something.
 
     From ``start``, if there is one: n stays, representatives are refined, and more of them found if that pays.
 
