@@ -17,7 +17,7 @@ from ..reflectance import GenericBasis
 from ..response import Quadrature, log_rings, representative_responses
 from ..surface import Atlas, SkyMasks, facing
 from .light import IndirectLight
-from .surroundings import Surroundings
+from .surroundings import SIDE, Surroundings
 
 COARSE = Quadrature(
     layers=(log_rings(1e-3, 0.12, 10, 8), log_rings(0.007, 0.32, 8, 12), log_rings(0.025, 1.5, 8, 16)),
@@ -98,6 +98,7 @@ def _sent(surface: Reflecting, around: Surroundings, before: IndirectLight | Non
             for part in parts:
                 radiance[g, part] = _shown(surface, around, part, frame, glow)
                 task.advance()
+        radiance[g] = _evened(around, radiance[g])
     return radiance
 
 
@@ -132,6 +133,19 @@ def _shown(surface: Reflecting, around: Surroundings, part: slice, frame: int, g
     # Rounding leaves what is black a hair below 0.
     shown = np.einsum("en,enc->ec", surface.blend(seen), responses)
     return np.asarray(np.maximum(shown, 0), np.float32)
+
+
+def _evened(around: Surroundings, radiance: F32) -> F32:
+    """Radiance of cells [E, 3] as the mean over the places beside, weighted by how much is hidden there."""
+    size = SIDE * SIDE
+    place = np.repeat(np.arange(len(around)), np.diff(around.offsets))
+    dense = np.zeros((len(around) * size, 4), np.float32)
+    dense[place * size + around.cell, :3] = radiance * around.share[:, None]
+    dense[place * size + around.cell, 3] = around.share
+    total = np.zeros((len(place), 4), np.float32)
+    for beside in around.beside.T:
+        total += dense[beside[place].astype(np.int64) * size + around.cell]
+    return np.asarray(total[:, :3] / total[:, 3:])
 
 
 def _glow(surface: Reflecting, around: Surroundings, before: IndirectLight, frame: int) -> F32:

@@ -10,17 +10,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from ..arrays import F32, F64, I32, I64, Bool, dot, unit
 from ..keeping import IN_MEMORY, Array, Keeper
 from ..octahedral import pixel_directions
 from ..progress import SILENT, Progress
-from ..surface import LIFT, SKY_SIDE, Atlas, RayScene, SkyMasks, each_of, shared_samples, unpacked
+from ..surface import LIFT, SKY_SIDE, Atlas, RayScene, SkyMasks, each_of, places_of, shared_samples, unpacked
 
 SIDE = 16
 """Cells along the octahedral square in which light from the object is kept; each is 4 x 4 cells of a mask."""
 PLACES = 16_000
 """Points of the surface whose surroundings texels nearby share."""
+LEAST = 0.003
+"""Share of the cosine-weighted sky below which what the object hides of it counts as nothing."""
+BESIDE = 4
+"""Nearest places whose rays into a cell count as well, for one ray is a noisy mean."""
 AT_ONCE = 128
 """Places that a thread looks around from at once: a bit of a mask takes a byte on the way."""
 
@@ -29,15 +34,16 @@ AT_ONCE = 128
 class Surroundings:
     """What C places see of the object, cell by cell: E cells in all, those of place c from ``offsets[c]`` on.
 
-    ``place_of`` I32[M]: the place whose surroundings a texel shares, -1 where it sees nothing of the object.
-    ``texel`` I64[C] where the places lie; ``offsets`` I64[C + 1]. Of each cell: ``cell`` I32[E], row * SIDE +
-    column of the octahedral square; ``share`` F32[E], how much of it the object hides; ``direction`` F32[E, 3],
-    unit, from the place to what is seen there; ``seen`` I32[E], that point's texel, and ``normal`` F32[E, 3],
-    its shading normal.
+    ``place_of`` I32[M]: the place whose surroundings a texel shares, -1 where hardly anything of the object
+    is in its sky. ``texel`` I64[C] where the places lie; ``beside`` I32[C, B] each one and its nearest others;
+    ``offsets`` I64[C + 1]. Of each cell: ``cell`` I32[E], row * SIDE + column of the octahedral square;
+    ``share`` F32[E], how much of it the object hides; ``direction`` F32[E, 3], unit, from the place to what is
+    seen there; ``seen`` I32[E], that point's texel, and ``normal`` F32[E, 3], its shading normal.
     """
 
     place_of: I32
     texel: I64
+    beside: I32
     offsets: I64
     cell: I32
     share: F32
@@ -79,7 +85,7 @@ def _looked(scene: RayScene, atlas: Atlas, sky: SkyMasks, texel_of_pixel: I32, p
     chosen, owner = shared_samples(scene, atlas, places)
     shut = sky.of_texel[chosen] >= 0
     texel = chosen[shut]
-    number = np.where(shut, np.cumsum(shut) - 1, -1).astype(np.int32)
+    number = np.full(len(chosen), -1, np.int32)
 
     def look(part: slice) -> dict[str, Array]:
         return _cells(scene, atlas, sky, texel_of_pixel, texel[part], part.start)
@@ -87,11 +93,31 @@ def _looked(scene: RayScene, atlas: Atlas, sky: SkyMasks, texel_of_pixel: I32, p
     parts = each_of(look, len(texel), AT_ONCE)
     none = _cells(scene, atlas, sky, texel_of_pixel, texel[:0], 0)
     found = {name: np.concatenate([part[name] for part in (none, *parts)]) for name in none}
-    counts = np.bincount(found.pop("place"), minlength=len(texel))
-    offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-    place_of = number[owner]
-    place_of[(place_of >= 0) & (counts[place_of] == 0 if len(texel) else False)] = -1
-    return Surroundings(place_of=place_of, texel=texel, offsets=offsets, **found)
+    # Places that see next to nothing are left out.
+    place = found.pop("place")
+    cosine = np.maximum(dot(atlas.normal(texel)[place], found["direction"]), 0)
+    hidden = np.bincount(place, found["share"] * cosine * 4 / SIDE**2, minlength=len(texel))
+    kept = hidden >= LEAST
+    found = {name: values[kept[place]] for name, values in found.items()}
+    counts = np.bincount(place, minlength=len(texel))[kept]
+    number[shut] = np.where(kept, np.cumsum(kept) - 1, -1)
+    texel = texel[kept]
+    return Surroundings(
+        place_of=number[owner],
+        texel=texel,
+        beside=_beside(scene, atlas, texel),
+        offsets=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
+        **found,
+    )
+
+
+def _beside(scene: RayScene, atlas: Atlas, texel: I64) -> I32:
+    """Each place and its nearest others [C, B], in position and normal."""
+    if not len(texel):
+        return np.zeros((0, 1), np.int32)
+    where = places_of(scene, atlas, texel)
+    nearest = np.arange(1, min(BESIDE + 1, len(texel)) + 1)
+    return np.asarray(cKDTree(where).query(where, nearest)[1], np.int32)
 
 
 def _cells(

@@ -7,7 +7,7 @@ from swatchwork.surface.files import buffers_of, read_mesh
 from swatchwork.surface.mesh import Mesh, mesh_from_arrays, write_mesh_obj
 from swatchwork.surface.points import SurfacePoints, points_in_sight, sky_of_points, surface_points
 from swatchwork.surface.rays import GRAZING, Hit, RayScene, each_of, facing, sees
-from swatchwork.surface.sky import LIFT, SkyMasks, shared_samples, sky_masks, turned, unpacked
+from swatchwork.surface.sky import LIFT, SkyMasks, places_of, shared_samples, sky_masks, turned, unpacked
 from swatchwork.surface.sky import SIZE as SKY_SIDE
 from swatchwork.surface.sphere import sphere_mesh
 from swatchwork.surface.unwrap import has_injective_uv, parametrised, unwrap, uv_problem
@@ -32,6 +32,7 @@ __all__ = [
     "mesh_from_arrays",
     "padded",
     "parametrised",
+    "places_of",
     "points_in_sight",
     "read_mesh",
     "sees",
