@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 from .capture import Capture
 from .errors import InputError
-from .interreflection import Reflecting, bounced, surroundings
+from .interreflection import IndirectLight, Reflecting, bounced, surroundings
 from .keeping import IN_MEMORY, Array, Keeper, Part
 from .observe import Lights, Observations, Rendering, Weighting, observe
 from .progress import SILENT, Progress
@@ -58,6 +58,8 @@ class Reconstruction:
     basis: GenericBasis
     solution: Solution
     blend: TexelBlend
+    indirect: IndirectLight | None = None
+    """What the object sends to itself, where that was asked for."""
 
     @property
     def surface(self) -> Reflecting:
@@ -108,13 +110,16 @@ def under_its_own_light(
     """The same with interreflections: each round solves under the light that the round before reflects.
 
     The first round's light has one bounce from a material that was fitted to all bounces, so that it is about
-    right already; each further round adds a bounce, of the material as it then is.
+    right already; each further round adds a bounce, of the material as it then is. An object that sees
+    nothing of itself stays as it was found.
     """
     how, budget, light = options.solve, Budget(options.memory), None
     pixels = found.blend.texel_of_pixel
     with progress.stage("surroundings"):
         atlas, sky = found.observations.atlas, found.rendering.sky
         around = surroundings(found.scene, atlas, sky, pixels, progress=progress, keeper=keeper)
+    if not len(around):
+        return replace(found, indirect=bounced(found.surface, around))
     for turn in range(1, options.interreflections + 1):
         kept = Part(keeper, f"bounce-{turn}-")
         with progress.stage("bounce"):
@@ -125,7 +130,7 @@ def under_its_own_light(
         with progress.stage("blend"):
             by = how.search, how.seed
             blend = blend_every_texel(rendering, basis, solution, *by, budget, progress, kept)
-        found = replace(found, rendering=rendering, solution=solution, blend=blend)
+        found = replace(found, rendering=rendering, solution=solution, blend=blend, indirect=light)
     return found
 
 

@@ -161,9 +161,9 @@ def reconstruct(
             min=0,
             max=8,
             metavar="ROUNDS",
-            help="Light that parts of the object send to each other: ROUNDS times, solve and blend again under "
-            "it (2 serve most objects; each takes about as long as the search and the blend).",
-            show_default="0, ignored",
+            help="Light that the object sends to itself: ROUNDS times, solve and blend again under it. 2 "
+            "will do for most objects; each takes about as long as search and blend did.",
+            show_default="0, which ignores it",
             rich_help_panel=SEARCH,
         ),
     ] = 0,

@@ -4,6 +4,16 @@
 
 from .bounce import Reflecting, bounced, bounces_of
 from .light import IndirectLight
+from .share import IndirectShare, indirect_share
 from .surroundings import Surroundings, surroundings
 
-__all__ = ["IndirectLight", "Reflecting", "Surroundings", "bounced", "bounces_of", "surroundings"]
+__all__ = [
+    "IndirectLight",
+    "IndirectShare",
+    "Reflecting",
+    "Surroundings",
+    "bounced",
+    "bounces_of",
+    "indirect_share",
+    "surroundings",
+]

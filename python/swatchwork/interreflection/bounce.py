@@ -24,8 +24,9 @@ COARSE = Quadrature(
     bounds=(0.036, 0.125),
     bins=np.geomspace(0.006, 2.0, 60),
 )
+"""An eighth of the operator's lookups: a sky so blurred has no detail for more."""
 SKY_BLUR = 16
-"""Pixels along the side of the sky that the surface is lit by: mirrored in a cell of surface, it is blurred as much."""
+"""Pixels along the side of the sky that the surface is lit by: what a cell mirrors is blurred as much."""
 CELLS_AT_ONCE = 1 << 15
 LOOKS = 4
 """Directions from which the light of the bounce before is looked at."""

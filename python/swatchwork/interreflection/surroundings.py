@@ -35,10 +35,10 @@ class Surroundings:
     """What C places see of the object, cell by cell: E cells in all, those of place c from ``offsets[c]`` on.
 
     ``place_of`` I32[M]: the place whose surroundings a texel shares, -1 where hardly anything of the object
-    is in its sky. ``texel`` I64[C] where the places lie; ``beside`` I32[C, B] each one and its nearest others;
-    ``offsets`` I64[C + 1]. Of each cell: ``cell`` I32[E], row * SIDE + column of the octahedral square;
-    ``share`` F32[E], how much of it the object hides; ``direction`` F32[E, 3], unit, from the place to what is
-    seen there; ``seen`` I32[E], that point's texel, and ``normal`` F32[E, 3], its shading normal.
+    is in its sky. ``texel`` I64[C] where the places lie; ``beside`` I32[C, B] each one and its nearest
+    others; ``offsets`` I64[C + 1]. Of each cell: ``cell`` I32[E], row * SIDE + column of the octahedral
+    square; ``share`` F32[E], how much of it the object hides; ``direction`` F32[E, 3], unit, from the place
+    to what is seen there; ``seen`` I32[E], that point's texel, and ``normal`` F32[E, 3], its shading normal.
     """
 
     place_of: I32

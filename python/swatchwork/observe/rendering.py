@@ -186,8 +186,8 @@ class Rendering:
         self.observations, self.sky, self.weighting = observations, sky, weighting
         self.lights, self._groups = lights, list(lights.groups())
 
-    def under(self, more: MoreLight) -> Rendering:
-        """The same with other light beside the sky's."""
+    def under(self, more: MoreLight | None) -> Rendering:
+        """The same with other light beside the sky's, or none."""
         return Rendering(self.observations, self.lights, self.sky, self.weighting, more)
 
     def pairs(self, texels: I64) -> Pairs:

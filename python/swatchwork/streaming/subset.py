@@ -56,7 +56,7 @@ def solve_on_subset(
 ) -> Solution:
     """Find n, N and the representatives from about ``texels`` texels, more where those miss something.
 
-    From ``start``, if there is one: n stays, representatives are refined, and more of them found if that pays.
+    From ``start``, if there is one: n stays, representatives are refined, and more are found if that pays.
 
     Raises:
         InputError: their responses do not fit into the budget.
@@ -77,7 +77,9 @@ def solve_on_subset(
         with progress.stage("respond"):
             problem = _problem(rendering, basis, subset)
         with progress.stage("solve"):
-            return resume(problem, start, options, progress) if start else solve(problem, options, progress)
+            if start is not None:
+                return resume(problem, start, options, progress)
+            return solve(problem, options, progress)
 
     solution = Solution.of(keeper.kept("solve", lambda: first().arrays()))
     # Section 4's order is that of all its texels together: nothing is grown on afterwards.
