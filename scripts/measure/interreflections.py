@@ -1,18 +1,18 @@
 # SPDX-FileCopyrightText: Swatchwork contributors
 # SPDX-License-Identifier: MIT
-"""What `--interreflections` gains on a capture that has them, what it costs, and that a convex one is left alone.
+"""What interreflections are worth on a capture that has them, what they cost, and a convex one as control.
 
     python scripts/measure/interreflections.py --captures ../shared/captures \\
         --json target/validation/interreflections.json
 
-One reconstruction of each capture, then rounds of solving and blending under the light that the object sends
-to itself; beside them as many rounds without that light, for going on alone gains something too. Each is relit
-under test/'s light without and with interreflections, from its cameras at half their size.
+One reconstruction of each capture, then rounds of solving and blending under the light that the object
+sends to itself; beside them as many rounds without that light, for going on alone might gain as well. Each is
+relit under test/'s light without and with interreflections, from its cameras at half their size.
 
 Columns: NRMS in % over alpha > 0.5, of all pixels; of those whose texel's sky the object hides to more than
-SHUT_IN (cosine-weighted), the rest, and those hidden to more than DEEP; CPU time up to there, over that of the
-plain reconstruction in the same process (the wall time of a busy machine says little); peak memory up to
-there.
+SHUT_IN (cosine-weighted), of the rest, and of those hidden to more than DEEP; CPU time up to there, over that
+of the plain reconstruction in the same process (wall time says little on a busy machine); the process's peak
+memory up to there, relighting included.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ from swatchwork.workflow.pages import relit
 
 NAMES = ("spot-merl-interreflect", "sphere-merl")
 SHUT_IN, DEEP = 0.1, 0.3
-"""Hidden shares of the sky. Indirect light becomes several percent of the light at the former; at the latter
-it is as much as the direct light in places, but on spot no test view shows a hundredth of its pixels there."""
+"""Hidden shares of the sky. At the former indirect light is several percent of all light; at the latter it is
+as much as the direct light in places, but of spot's test pixels not one in a hundred lies there."""
 BOUNCES = (0, 2)
 ROUNDS = 2
 
