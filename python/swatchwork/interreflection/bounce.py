@@ -5,11 +5,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, lru_cache, partial
 
 import numpy as np
 
-from ..arrays import F32, F64, I32, I64, U8, U32, unit
+from ..arrays import F32, F64, I32, I64, U8, U32, Float, dot, unit
 from ..keeping import IN_MEMORY, Array, Keeper
 from ..observe import Lights
 from ..progress import SILENT, Progress
@@ -28,6 +28,10 @@ COARSE = Quadrature(
 SKY_BLUR = 16
 """Pixels along the side of the sky that the surface is lit by: what a cell mirrors is blurred as much."""
 CELLS_AT_ONCE = 1 << 15
+COSINES = np.array([0.03, 0.08, 0.15, 0.25, 0.35, 0.5, 0.7, 0.85, 1.0])
+"""At which albedos are tabulated."""
+STEEP = 0.7
+"""Cosine from which on photographs determine what a material reflects."""
 LOOKS = 4
 """Directions from which the light of the bounce before is looked at."""
 LOOKED_AT = 0.6
@@ -60,9 +64,36 @@ class Reflecting:
             found[at, index[:, i]] += weight[:, i]
         return found
 
+    @cached_property
+    def trusted(self) -> F64:
+        """Factors [N, C, 3] at COSINES, to hold representatives to the possible where no photograph looked.
+
+        Most of the light that parts of an object lend each other leaves at a slant that no camera sees, and
+        there a fit puts what it likes: kernels with Fresnel's rise to 1 are free to be as large as they please.
+        A representative's albedo is held to its largest at steep angles and that rise once; and to 1.
+        """
+        albedo = np.einsum("aj,njc->nac", albedos(self.basis), self.representatives)
+        steep = albedo[:, COSINES >= STEEP].max(axis=1)[:, None]
+        possible = np.minimum(steep + (1 - COSINES[:, None]) ** 5, 1)
+        return np.asarray(np.minimum(possible / np.maximum(albedo, 1e-30), 1))
+
+    def held(self, responses: F32, cosine: Float) -> F32:
+        """Responses [P, N, 3] times those factors, at cosines [P] of normal and direction."""
+        at = np.clip(np.interp(cosine, COSINES, np.arange(len(COSINES))), 0, len(COSINES) - 1)
+        low = np.minimum(at.astype(np.int64), len(COSINES) - 2)
+        part = (at - low)[:, None, None]
+        factors = self.trusted.transpose(1, 0, 2)
+        return np.asarray(responses * (factors[low] * (1 - part) + factors[low + 1] * part), np.float32)
+
     def respond(self, *where: object, quadrature: Quadrature) -> F32:
         """Responses of the representatives, as the operator takes its arguments."""
         return representative_responses(self.basis, self.representatives, *where, quadrature=quadrature)  # type: ignore[arg-type]
+
+
+@lru_cache(maxsize=4)
+def albedos(basis: GenericBasis) -> F64:
+    """Of the kernels at COSINES, [C, J]."""
+    return np.stack([basis.albedo(float(c)) for c in COSINES])
 
 
 def bounced(
@@ -127,6 +158,7 @@ def _shown(surface: Reflecting, around: Surroundings, part: slice, frame: int, g
         partial(surface.respond, quadrature=COARSE),
         sky_size=SKY_BLUR,
     )
+    responses = surface.held(responses, dot(normal, towards))
     if glow is not None:
         place = around.place_of[seen]
         lit = np.flatnonzero(place >= 0)
@@ -167,4 +199,5 @@ def _glow(surface: Reflecting, around: Surroundings, before: IndirectLight, fram
         len(surface.representatives),
         surface.respond,
     )
-    return np.asarray(found.reshape(len(around), LOOKS, -1, 3).mean(axis=1))
+    by_place = found.reshape(len(around), LOOKS, len(surface.representatives), 3)
+    return surface.held(by_place.mean(axis=1), np.full(len(around), LOOKED_AT))
