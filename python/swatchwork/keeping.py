@@ -42,3 +42,15 @@ class _InMemory:
 
 IN_MEMORY: Keeper = _InMemory()
 """Makes every part anew and holds on to it for as long as the caller does."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """A ``Keeper`` whose parts are another's, under names that begin with ``prefix``."""
+
+    keeper: Keeper
+    prefix: str
+
+    def kept(self, name: str, make: Callable[[], Mapping[str, Array]]) -> Kept:
+        """See ``Keeper``."""
+        return self.keeper.kept(self.prefix + name, make)

@@ -4,11 +4,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from .capture import Capture
 from .errors import InputError
-from .keeping import IN_MEMORY, Array, Keeper
+from .interreflection import IndirectLight, Reflecting, bounced, surroundings
+from .keeping import IN_MEMORY, Array, Keeper, Part
 from .observe import Lights, NoiseModel, Observations, Rendering, Weighting, observe
 from .progress import SILENT, Progress
 from .reflectance import GenericBasis, basis_by_name
@@ -54,6 +55,8 @@ class ReconstructOptions:
     """GB that the search and the tiles may take beside atlas and photograph, about."""
     frames: FrameOptions = field(default_factory=FrameOptions)
     """What is done with photographs that the others do not agree with."""
+    interreflections: int = 0
+    """Times to reconstruct anew under the light that the object, as then known, sends to itself."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +72,16 @@ class Reconstruction:
     blend: TexelBlend
     frames: Diagnosis
     """Each photograph against the others; ``observations`` and ``rendering`` are without those left out."""
+    indirect: IndirectLight | None = None
+    """What the object sends to itself, where that was asked for."""
+
+    @property
+    def surface(self) -> Reflecting:
+        """What is known of the surface, for light that bounces off it."""
+        known = self.solution.representatives, self.blend.index, self.blend.weight
+        return Reflecting(
+            self.observations.atlas, self.basis, *known, self.rendering.sky, self.rendering.lights
+        )
 
 
 def reconstruct(
@@ -104,7 +117,41 @@ def reconstruct(
     solution = solve_on_subset(rendering, basis, options.texels, options.solve, budget, progress, keeper)
     with progress.stage("blend"):
         blend = blend_every_texel(rendering, basis, solution, how.search, how.seed, budget, progress, keeper)
-    return Reconstruction(mesh, scene, observations, rendering, basis, solution, blend, frames)
+    found = Reconstruction(mesh, scene, observations, rendering, basis, solution, blend, frames)
+    return under_its_own_light(found, options, progress, keeper) if options.interreflections else found
+
+
+def under_its_own_light(
+    found: Reconstruction,
+    options: ReconstructOptions,
+    progress: Progress = SILENT,
+    keeper: Keeper = IN_MEMORY,
+) -> Reconstruction:
+    """The same with interreflections: each round solves under the light that the round before reflects.
+
+    The first round's light has one bounce from a material that was fitted to all bounces, so that it is about
+    right already; each further round adds a bounce, of the material as it then is. An object that sees
+    nothing of itself stays as it was found.
+    """
+    how, budget, light = options.solve, Budget(options.memory), None
+    pixels = found.blend.texel_of_pixel
+    with progress.stage("surroundings"):
+        atlas, sky = found.observations.atlas, found.rendering.sky
+        around = surroundings(found.scene, atlas, sky, pixels, progress=progress, keeper=keeper)
+    if not len(around):
+        return replace(found, indirect=bounced(found.surface, around))
+    for turn in range(1, options.interreflections + 1):
+        kept = Part(keeper, f"bounce-{turn}-")
+        with progress.stage("bounce"):
+            light = bounced(found.surface, around, light, progress, kept)
+            rendering = found.rendering.under(light)
+        start, basis = found.solution, found.basis
+        solution = solve_on_subset(rendering, basis, options.texels, how, budget, progress, kept, start)
+        with progress.stage("blend"):
+            by = how.search, how.seed
+            blend = blend_every_texel(rendering, basis, solution, *by, budget, progress, kept)
+        found = replace(found, rendering=rendering, solution=solution, blend=blend, indirect=light)
+    return found
 
 
 def surface_of(

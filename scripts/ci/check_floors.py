@@ -21,7 +21,7 @@ FLOORS = """
     workflow
     baselines  report  viewer  export  analysis  evaluate
     reconstruct  relight  simulate  prepare
-    streaming
+    streaming  interreflection
     solve  observe
     response
     surface  light  reflectance  material

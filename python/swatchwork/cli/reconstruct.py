@@ -199,6 +199,18 @@ def reconstruct(
             rich_help_panel=PHOTOGRAPHS,
         ),
     ] = False,
+    interreflections: Annotated[
+        int,
+        typer.Option(
+            min=0,
+            max=8,
+            metavar="ROUNDS",
+            help="Light that the object sends to itself: ROUNDS times, solve and blend again under it. 2 "
+            "will do for most objects; each takes about as long as search and blend did.",
+            show_default="0, which ignores it",
+            rich_help_panel=SEARCH,
+        ),
+    ] = 0,
     viewer: Annotated[
         bool, typer.Option("--viewer/--no-viewer", help="Also write viewer.html, the interactive page.")
     ] = True,
@@ -243,7 +255,7 @@ def reconstruct(
     given = None if noise is None else NoiseModel(*_pair(noise))
     frames = FrameOptions(frame_scale.value, keep_suspects)
     options = ReconstructOptions(
-        resolution, basis.value, texels, solve, weighting.value, given, memory, frames
+        resolution, basis.value, texels, solve, weighting.value, given, memory, frames, interreflections
     )
     with session(as_json=as_json, quiet=quiet, verbose=verbose) as run:
         summary = reconstruct_folder(

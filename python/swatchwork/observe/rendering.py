@@ -16,7 +16,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Literal
+from functools import partial
+from typing import Literal, Protocol
 
 import numpy as np
 
@@ -47,6 +48,21 @@ class Pairs:
     def offsets(self) -> I64:
         """[T + 1]"""
         return self.seen.offsets
+
+
+class MoreLight(Protocol):
+    """Light beside that of the sky, such as what the object sends to itself."""
+
+    def responses(
+        self,
+        frame: I32,
+        texel: I32 | I64,
+        normal: F32,
+        to_viewer: F32,
+        columns: int,
+        respond: Callable[..., F32],
+    ) -> F32:
+        """What it adds to the responses [P, columns, 3] of pairs."""
 
 
 def stratified(observations: Observations, count: int, seed: int) -> I64:
@@ -112,6 +128,7 @@ class Lights:
         columns: int,
         responses: Callable[..., F32],
         groups: list[tuple[Environment, F64, Bool]] | None = None,
+        sky_size: int | None = None,
     ) -> F32:
         """Responses [P, columns, 3] of pairs, each under its frame's light.
 
@@ -120,6 +137,7 @@ class Lights:
             normal: [P, 3], and ``to_viewer``: unit, world.
             responses: of a pyramid, normals, viewers, masks and rows, as ``generic_responses`` takes them.
             groups: what ``groups()`` gave, where many calls share it.
+            sky_size: pixels along the side of the environment; its own size by default.
         """
         row = sky.of_texel[texel]
         out: F32 | None = None
@@ -137,7 +155,7 @@ class Lights:
                 used, place = np.unique(rows, return_inverse=True)
                 clear = int(used[0] < 0)
                 words, rows = turned(sky.words[used[clear:]], turn), (place - clear).astype(np.int32)
-            found = responses(environment.pyramid(), n, o, words, rows)
+            found = responses(environment.pyramid(sky_size), n, o, words, rows)
             if whole:
                 return found
             out = np.zeros((len(frame), columns, 3), dtype=np.float32) if out is None else out
@@ -153,13 +171,24 @@ class Rendering:
     """R_x for the pairs of ``observations``, under each frame's light, shadowed by ``sky``.
 
     ``weighting``: ``projected`` weighs measurements by n.o, ``equal`` all alike (the paper's Eq. 5).
+    ``more`` is light beside the sky's.
     """
 
     def __init__(
-        self, observations: Observations, lights: Lights, sky: SkyMasks, weighting: Weighting = "projected"
+        self,
+        observations: Observations,
+        lights: Lights,
+        sky: SkyMasks,
+        weighting: Weighting = "projected",
+        more: MoreLight | None = None,
     ) -> None:
+        self.more = more
         self.observations, self.sky, self.weighting = observations, sky, weighting
         self.lights, self._groups = lights, list(lights.groups())
+
+    def under(self, more: MoreLight | None) -> Rendering:
+        """The same with other light beside the sky's, or none."""
+        return Rendering(self.observations, self.lights, self.sky, self.weighting, more)
 
     def pairs(self, texels: I64) -> Pairs:
         """The measured pairs of ``texels`` [T], which must rise."""
@@ -169,12 +198,12 @@ class Rendering:
 
     def generic(self, basis: GenericBasis, pairs: Pairs) -> F32:
         """Responses of the generic kernels [P, J, 3] (Eq. 13)."""
-        return self._each(pairs, basis.kernels, lambda *a: generic_responses(basis, *a))
+        return self._each(pairs, basis.kernels, partial(generic_responses, basis))
 
     def representatives(self, basis: GenericBasis, representatives: F64, pairs: Pairs) -> F32:
         """Responses of representatives [N, J, 3], as [P, N, 3] (Eq. 14)."""
         count = len(representatives)
-        return self._each(pairs, count, lambda *a: representative_responses(basis, representatives, *a))
+        return self._each(pairs, count, partial(representative_responses, basis, representatives))
 
     def tiles(self, texels: I32 | I64, pairs_at_once: int) -> Iterator[I64]:
         """``texels`` cut into runs that have about ``pairs_at_once`` pairs each."""
@@ -203,5 +232,9 @@ class Rendering:
         found = self.lights.each(
             seen.frame, seen.normal, seen.to_viewer, self.sky, seen.texel, columns, responses, self._groups
         )
+        if self.more is not None:
+            found += self.more.responses(
+                seen.frame, seen.texel, seen.normal, seen.to_viewer, columns, responses
+            )
         found *= pairs.weight[:, None, None]
         return found

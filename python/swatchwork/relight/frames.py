@@ -15,6 +15,7 @@ import numpy as np
 from ..arrays import F64
 from ..capture import IMAGE_SUFFIXES, Capture, EnvironmentSource, Frame, write_exr, write_png
 from ..errors import InputError, OutputError
+from ..interreflection import IndirectLight
 from ..light import Environment, read_environment
 from ..progress import SILENT, Progress
 from ..whole import held, whole_file
@@ -79,6 +80,7 @@ def relight(
     *,
     lighting: Lighting | None = None,
     samples: int = 2,
+    bounces: int = 0,
     previews: bool = True,
     progress: Progress = SILENT,
 ) -> tuple[RelitFrame, ...]:
@@ -86,6 +88,7 @@ def relight(
 
     One float EXR a frame under the frame's own file name: linear RGB premultiplied by alpha A, radiance (a
     frame's exposure is not applied); beside it a PNG to look at. Each file appears whole or not at all.
+    ``bounces`` is how many times light may go on from the object to the object (`interreflection`).
 
     Raises:
         InputError: a frame without light, or two frames of one name.
@@ -96,10 +99,13 @@ def relight(
     # Ask for every light first: a missing one should not come to light after an hour.
     lights = [lighting.of(cameras, frame) for frame in cameras.frames]
     done = []
+    indirect: dict[int, IndirectLight | None] = {}
     with _alone(folder), progress.stage("relight", len(cameras.frames)) as task:
         for frame, name, light in zip(cameras.frames, names, lights, strict=True):
             task.describe(frame.name)
-            image = render(scene, frame.camera, light, samples)
+            if id(light) not in indirect:
+                indirect[id(light)] = scene.indirect(light, bounces, progress)
+            image = render(scene, frame.camera, light, samples, indirect[id(light)])
             exr, png = folder / f"{name}.exr", folder / f"{name}.png" if previews else None
             with whole_file(exr) as temporary:
                 write_exr(temporary, image)

@@ -6,15 +6,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from ..arrays import F32, F64, I32, I64, U8, U32
 from ..errors import InputError
+from ..interreflection import IndirectLight, Reflecting, Surroundings, bounces_of, surroundings
+from ..light import Environment
 from ..material import Material
+from ..observe import Lights
 from ..progress import SILENT, Progress
 from ..reflectance import GenericBasis
-from ..surface import Mesh, RayScene, SkyMasks, build_atlas, fill_gutter, padded, sky_masks
+from ..surface import Atlas, Mesh, RayScene, SkyMasks, build_atlas, fill_gutter, padded, sky_masks
 
 SKY_SAMPLES = 64_000
 """Surface samples that share their self-shadow masks with the texels around them."""
@@ -72,6 +76,26 @@ class RelitScene:
             weight=weight,
             sky=sky_masks(rays, atlas, SKY_SAMPLES, progress),
         )
+
+    @cached_property
+    def atlas(self) -> Atlas:
+        """The texels."""
+        return build_atlas(self.mesh, self.texel_of_pixel.shape[0])
+
+    @cached_property
+    def around(self) -> Surroundings:
+        """What of the object its points see."""
+        return surroundings(self.rays, self.atlas, self.sky, self.texel_of_pixel)
+
+    def indirect(
+        self, environment: Environment, bounces: int, progress: Progress = SILENT
+    ) -> IndirectLight | None:
+        """What the object sends to itself under a light, of light reflected so many times; None for 0."""
+        if bounces == 0:
+            return None
+        lights = Lights((environment,), np.zeros(1, np.int32), np.eye(3)[None])
+        of_all = self.atlas, self.basis, self.representatives, self.index, self.weight, self.sky, lights
+        return bounces_of(Reflecting(*of_all), self.around, bounces, progress)
 
     def blend_at(self, uv: F64) -> F32:
         """Representatives' weights [S, N] at UVs [S, 2], bilinear between texel centres.

@@ -14,7 +14,7 @@ from .options import SolveOptions
 from .penalties import Penalties
 from .problem import Problem
 from .quick import quick
-from .robust import solve_robustly
+from .robust import resume_robustly, solve_robustly
 from .search import resume, solve
 from .solution import Outliers, Solution, Step
 from .trimming import Trimmed, settled_blend, trimmed_blend
@@ -35,6 +35,7 @@ __all__ = [
     "blend",
     "quick",
     "resume",
+    "resume_robustly",
     "settled_blend",
     "solve",
     "solve_robustly",

@@ -67,6 +67,18 @@ def solve_robustly(
     return _whole(problem, solution, trimmed, options)
 
 
+def resume_robustly(
+    problem: Problem, solution: Solution, options: SolveOptions | None = None, progress: Progress = SILENT
+) -> Solution:
+    """As ``resume``, and where the solution has left out outliers, without those of ``problem``."""
+    options = options or SolveOptions()
+    if solution.outliers is None:
+        return resume(problem, solution, options, progress)
+    trimmed = _trimmed(problem, solution.representatives, solution.n, solution.outliers.scale, options)
+    found = resume(problem.part(trimmed.kept, trimmed.agreed), solution, options, progress)
+    return _whole(problem, found, trimmed, options)
+
+
 def suspicious(problem: Problem, solution: Solution, options: SolveOptions) -> bool:
     """Whether a solution leaves more measurements far behind than it does in clean captures."""
     if solution.noise > UNEXPLAINED:

@@ -21,7 +21,16 @@ from ..keeping import IN_MEMORY, Keeper
 from ..observe import Rendering, noise_shares, stratified
 from ..progress import SILENT, Progress
 from ..reflectance import GenericBasis
-from ..solve import Penalties, Problem, Solution, SolveOptions, resume, solve_robustly, sparse_blend
+from ..solve import (
+    Penalties,
+    Problem,
+    Solution,
+    SolveOptions,
+    resume,
+    resume_robustly,
+    solve_robustly,
+    sparse_blend,
+)
 from .budget import Budget
 
 SURVEYED = 5
@@ -52,8 +61,11 @@ def solve_on_subset(
     budget: Budget | None = None,
     progress: Progress = SILENT,
     keeper: Keeper = IN_MEMORY,
+    start: Solution | None = None,
 ) -> Solution:
-    """Find n, N and the representatives from about ``texels`` texels, and more where those miss something.
+    """Find n, N and the representatives from about ``texels`` texels, more where those miss something.
+
+    From ``start``, if there is one: n stays, representatives are refined, and more are found if that pays.
 
     Raises:
         InputError: their responses do not fit into the budget.
@@ -74,6 +86,8 @@ def solve_on_subset(
         with progress.stage("respond"):
             problem = _problem(rendering, basis, subset, options.robustly)
         with progress.stage("solve"):
+            if start is not None:
+                return resume_robustly(problem, start, options, progress)
             return solve_robustly(problem, options, progress)
 
     solution = Solution.of(keeper.kept("solve", lambda: first().arrays()))

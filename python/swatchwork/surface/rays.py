@@ -25,6 +25,8 @@ OFFSET = 1e-5
 # Below this cosine a texel counts as unseen (design 2).
 GRAZING = 0.03
 CHUNK = 1 << 16
+LOWEST_COSINE = 0.02
+"""Interpolated normals that turn away from a viewer who sees the surface are bent back to this n.o."""
 
 
 @dataclass(frozen=True)
@@ -175,3 +177,11 @@ def in_sight(scene: RayScene, camera: Camera, position: F64, normal: F32, uprigh
     hidden = scene.cast(origin, camera.position - origin, np.ones(len(origin)), "OCCLUDED") >= 0
     seen[facing] = ~hidden
     return seen
+
+
+def facing(normal: F64, to_viewer: F64) -> F64:
+    """Normals [S, 3], those with n.o below 0.02 bent towards the viewer until it is that."""
+    cosine = np.einsum("sx,sx->s", normal, to_viewer)[:, None]
+    along = unit(normal - cosine * to_viewer)
+    bent = LOWEST_COSINE * to_viewer + np.sqrt(1 - LOWEST_COSINE**2) * along
+    return np.where(cosine < LOWEST_COSINE, bent, normal)

@@ -61,6 +61,18 @@ def sky_masks(scene: RayScene, atlas: Atlas, samples: int = SAMPLES, progress: P
     of the levels before agree is taken from them. Masks that hide nothing are not kept, so a convex
     object without occluders has none.
     """
+    chosen, owner = shared_samples(scene, atlas, samples)
+    words = _traced(scene, atlas, chosen, progress)
+    hides = ~(words == np.uint64(0xFFFFFFFFFFFFFFFF)).all(axis=1)
+    row = np.where(hides, np.cumsum(hides) - 1, -1)
+    return SkyMasks(words[hides], row.astype(np.int32)[owner])
+
+
+def shared_samples(scene: RayScene, atlas: Atlas, samples: int) -> tuple[I64, I32]:
+    """About ``samples`` texels [Q] evenly over the surface, and which of them [M] is nearest to each texel.
+
+    Nearest in position and normal; where normals turn too fast for that, there are further samples.
+    """
     chosen = _spread_samples(atlas, samples)
     owner = _nearest(scene, atlas, chosen)
     astray = _astray(atlas, chosen, owner)
@@ -68,10 +80,7 @@ def sky_masks(scene: RayScene, atlas: Atlas, samples: int = SAMPLES, progress: P
         further = astray[:: max(1, 4 * len(astray) // max(samples, 1))]
         chosen = np.concatenate([chosen, np.setdiff1d(further, chosen)])
         owner = _nearest(scene, atlas, chosen)
-    words = _traced(scene, atlas, chosen, progress)
-    hides = ~(words == np.uint64(0xFFFFFFFFFFFFFFFF)).all(axis=1)
-    row = np.where(hides, np.cumsum(hides) - 1, -1)
-    return SkyMasks(words[hides], row.astype(np.int32)[owner])
+    return chosen, owner
 
 
 def _spread_samples(atlas: Atlas, samples: int) -> I64:
@@ -100,11 +109,11 @@ def _nearest(scene: RayScene, atlas: Atlas, chosen: I64) -> I32:
     if len(chosen) == len(atlas):
         found[chosen] = np.arange(len(chosen))
         return found
-    tree = cKDTree(_places(scene, atlas, chosen))
+    tree = cKDTree(places_of(scene, atlas, chosen))
 
     def fill(part: slice) -> None:
         # Approximate to 20 % in distance: twice as fast, and as good a neighbour.
-        found[part] = tree.query(_places(scene, atlas, part), eps=0.2)[1]
+        found[part] = tree.query(places_of(scene, atlas, part), eps=0.2)[1]
 
     each_of(fill, len(atlas))
     return found
@@ -117,7 +126,8 @@ def _astray(atlas: Atlas, chosen: I64, owner: I32) -> I64:
     return np.flatnonzero(np.concatenate(parts))
 
 
-def _places(scene: RayScene, atlas: Atlas, texel: I64 | slice) -> F64:
+def places_of(scene: RayScene, atlas: Atlas, texel: I64 | slice) -> F64:
+    """[T, 6]: position in radii of the object and normal, such that near points see much the same."""
     position, normal = atlas.points(texel)
     return np.hstack([position / scene.radius, NORMAL_WEIGHT * normal])
 
@@ -139,9 +149,9 @@ def _traced(scene: RayScene, atlas: Atlas, chosen: I64, progress: Progress) -> U
             known = np.flatnonzero(done)
             near = np.zeros((len(level), 0), dtype=np.int64)
             if len(known):
-                tree = cKDTree(_places(scene, atlas, chosen[known]))
+                tree = cKDTree(places_of(scene, atlas, chosen[known]))
                 k = np.arange(1, min(NEIGHBOURS, len(known)) + 1)
-                near = known[tree.query(_places(scene, atlas, chosen[level]), k, workers=-1)[1]]
+                near = known[tree.query(places_of(scene, atlas, chosen[level]), k, workers=-1)[1]]
 
             def trace(part: slice, level: I64 = level, near: I64 = near) -> int:
                 at, beside = level[part], near[part]

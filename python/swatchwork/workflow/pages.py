@@ -13,6 +13,7 @@ import numpy as np
 
 from .. import report as page
 from ..capture import Camera, Capture, Frame, read_photograph
+from ..interreflection import IndirectShare
 from ..light import Environment
 from ..material import Material
 from ..reconstruct import Reconstruction
@@ -56,7 +57,8 @@ def reconstruction_report(
     for frame in chosen:
         photograph, camera = at_page_size(read_photograph(frame), frame.camera, found.mesh)
         light = environment_of(found, capture, frame)
-        rendered = render(scene, camera, light, samples=1)
+        indirect = found.indirect and found.indirect.under(capture.frames.index(frame))
+        rendered = render(scene, camera, light, samples=1, indirect=indirect)
         shown = photograph.radiance / np.float32(found.frames.scale[capture.frames.index(frame)])
         comparison, exposure = compare_pictures(
             frame.name, shown, photograph.alpha, rendered, valid=photograph.valid
@@ -103,6 +105,7 @@ def reconstruction_report(
         settings=(
             ("basis", f"{summary['basis']}, {material.basis.kernels} kernels a channel"),
             ("atlas", f"{summary['resolution']} x {summary['resolution']}, {summary['texels']:,} texels"),
+            *interreflections(summary),
             ("cores", str(os.cpu_count())),
         ),
         costs=tuple(page.StageCost(c.name, c.seconds, c.peak_mb) for c in costs),
@@ -135,6 +138,14 @@ def photograph_rows(frames: Diagnosis) -> tuple[page.PhotographRow, ...]:
         )
         for frame, what in zip(frames.frames, done, strict=True)
     )
+
+
+def interreflections(summary: dict[str, Any]) -> list[tuple[str, str]]:
+    """A row on light by way of the object itself, where that was asked for."""
+    if summary["indirect"] is None:
+        return []
+    words = IndirectShare(**summary["indirect"]).in_words()
+    return [("interreflections", f"{_count(summary['interreflections'], 'round')}; {words}")]
 
 
 def relit(found: Reconstruction) -> RelitScene:

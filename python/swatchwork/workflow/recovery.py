@@ -22,6 +22,7 @@ from ..analysis import fit_error_model, spread_of_representatives
 from ..arrays import F64
 from ..capture import Capture, read_capture
 from ..errors import CaptureWarning
+from ..interreflection import IndirectShare, indirect_share
 from ..material import BasisRecord, ErrorModel, Material, is_material_folder, normal_albedo, write_material
 from ..progress import SILENT, Progress
 from ..reconstruct import Reconstruction, ReconstructOptions, reconstruct
@@ -64,6 +65,10 @@ class ReconstructSummary:
     """Share of the measurements that were left out as outliers; 0 where none were found."""
     undecided: int
     """Texels whose views contradict one another: they have the nearest decided texel's blend."""
+    interreflections: int
+    """Rounds under the light that the object sends to itself."""
+    indirect: IndirectShare | None
+    """How much of the light that was; None where it was ignored."""
     seconds: float
     peak_mb: float
     resumed: bool
@@ -75,15 +80,16 @@ class ReconstructSummary:
         return asdict(self)
 
     def in_words(self) -> str:
-        """Two lines for a person."""
+        """Two lines for a person, three with interreflections."""
         unseen = f", {100 * self.unseen / self.texels:.1f} % of them in no photograph" if self.unseen else ""
         out = (
             f" {100 * self.left_out:.0f} % of the measurements left out as outliers." if self.left_out else ""
         )
         rest = " (gone on from an interrupted run)" if self.resumed else ""
+        bounced = f"{_sentence(self.indirect.in_words())}\n" if self.indirect else ""
         return (
             f"{self.N} materials, {self.n} blended at a point ({self.status}); relative misfit "
-            f"{100 * self.misfit:.1f} % at {self.texels:,} surface points{unseen}.{out}\n"
+            f"{100 * self.misfit:.1f} % at {self.texels:,} surface points{unseen}.{out}\n{bounced}"
             f"{self.views} photographs, {self.seconds:.1f} s{rest}, peak {self.peak_mb:.0f} MB. "
             f"Material in {self.output}"
         )
@@ -154,10 +160,12 @@ def recover(
                 learnt = found.rendering, found.basis, found.solution, found.blend, options.solve.seed
                 trust, spread = fit_error_model(*learnt), spread_of_representatives(*learnt)
             with costs.stage("write"):
-                material = material_of(found, prints, trust, spread)
+                share = share_of(found, options)
+                material = material_of(found, prints, trust, spread, options.interreflections, share)
                 warn_of_bright_materials(material, capture)
                 warn_of_outliers(found, capture)
-                summary = summarise(found, capture, output, start, costs.costs, resumed)
+                at_hand = capture, output, start, options.interreflections, share
+                summary = summarise(found, *at_hand, costs.costs, resumed)
                 report = reconstruction_report(found, capture, material, costs.costs, said, summary.as_dict())
                 if viewer:
                     report = replace(report, viewer=VIEWER)
@@ -171,8 +179,12 @@ def recover(
                             write_viewer(inside / VIEWER, shown)
 
                 write_material(output, material, write_pages)
-    summary = summarise(found, capture, output, start, costs.costs, resumed)
+    summary = summarise(found, *at_hand, costs.costs, resumed)
     return Recovered(capture, found, material, summary, report)
+
+
+def _sentence(words: str) -> str:
+    return f"{words[:1].upper()}{words[1:]}."
 
 
 @contextmanager
@@ -211,6 +223,8 @@ def material_of(
     prints: dict[str, str],
     trust: ErrorModel | None = None,
     spread: F64 | None = None,
+    interreflections: int = 0,
+    share: IndirectShare | None = None,
 ) -> Material:
     """The reconstruction as images over the atlas; gutters repeat their nearest texel, for filters."""
     atlas, basis, solution = found.observations.atlas, found.basis, found.solution
@@ -225,6 +239,13 @@ def material_of(
         basis.diffuse,
         basis.fresnel,
     )
+    solver = (
+        solution.summary()
+        | {"weighting": found.rendering.weighting, "photographs": found.frames.as_dict()}
+        | left_out_by_frame(found)
+    )
+    if share is not None:
+        solver["interreflections"] = {"rounds": interreflections, "indirect": asdict(share)}
     return Material(
         basis=record,
         representatives=solution.representatives,
@@ -237,13 +258,18 @@ def material_of(
         normals=found.mesh.normals,
         uv=found.mesh.uv,
         penalties={"lambda0": solution.lambda0, "lambda1": solution.lambda1},
-        solver=solution.summary()
-        | {"weighting": found.rendering.weighting, "photographs": found.frames.as_dict()}
-        | left_out_by_frame(found),
+        solver=solver,
         trust=trust,
         spread=spread,
         inputs=prints,
     )
+
+
+def share_of(found: Reconstruction, options: ReconstructOptions) -> IndirectShare | None:
+    """How much of the light came by way of the object itself; None where that was not asked."""
+    if found.indirect is None:
+        return None
+    return indirect_share(found.rendering, found.surface, options.solve.seed)
 
 
 def warn_of_bright_materials(material: Material, capture: Capture) -> None:
@@ -340,6 +366,8 @@ def summarise(
     capture: Capture,
     output: str | PathLike[str],
     start: float,
+    interreflections: int,
+    indirect: IndirectShare | None,
     costs: list[StageCost],
     resumed: bool,
 ) -> ReconstructSummary:
@@ -362,6 +390,8 @@ def summarise(
         lambda1=float(found.solution.lambda1),
         left_out=found.blend.left_out,
         undecided=len(found.blend.undecided),
+        interreflections=interreflections,
+        indirect=indirect,
         seconds=time.perf_counter() - start,
         peak_mb=max((cost.peak_mb for cost in costs), default=0.0),
         resumed=resumed,

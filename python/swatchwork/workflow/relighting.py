@@ -22,6 +22,9 @@ from ..progress import SILENT, Progress
 from ..relight import Lighting, RelitScene, relight, turntable
 from ..surface import Mesh, read_mesh
 
+BOUNCES = 2
+"""The third adds less than a photograph's noise to any but white objects."""
+
 
 @dataclass(frozen=True)
 class RelightSummary:
@@ -55,6 +58,7 @@ def relight_folder(
     turntable_frames: int = 0,
     turntable_format: str = "gif",
     samples: int = 2,
+    interreflections: int | None = None,
     progress: Progress = SILENT,
 ) -> RelightSummary:
     """Render a material from the cameras of a transforms.json, under its light or another.
@@ -68,6 +72,8 @@ def relight_folder(
         turntable_frames: also turn the object once before the first camera, in so many pictures.
         turntable_format: "gif" or "mp4".
         samples: samples along a pixel's side.
+        interreflections: times that light may go on from the object to the object; by default ``BOUNCES`` for
+            a material that was recovered with them, else 0. The turntable goes without.
 
     Raises:
         InputError: material, cameras or light are wrong, an occluder is missing, or there is no light.
@@ -80,7 +86,12 @@ def relight_folder(
     lighting = Lighting(given, rotation_matrix(rotation))
     occluders = occluder_meshes(capture)
     scene = RelitScene.of(material, occluders, progress)
-    done = relight(scene, capture, output, lighting=lighting, samples=samples, progress=progress)
+    bounces = interreflections
+    if bounces is None:
+        bounces = BOUNCES if material.solver.get("interreflections") else 0
+    done = relight(
+        scene, capture, output, lighting=lighting, samples=samples, bounces=bounces, progress=progress
+    )
     turning = None
     if turntable_frames:
         turning = Path(output) / f"turntable.{turntable_format}"

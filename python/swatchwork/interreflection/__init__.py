@@ -1,0 +1,19 @@
+# SPDX-FileCopyrightText: Swatchwork contributors
+# SPDX-License-Identifier: MIT
+"""Interreflection: light that reaches a point by way of the object itself."""
+
+from .bounce import Reflecting, bounced, bounces_of
+from .light import IndirectLight
+from .share import IndirectShare, indirect_share
+from .surroundings import Surroundings, surroundings
+
+__all__ = [
+    "IndirectLight",
+    "IndirectShare",
+    "Reflecting",
+    "Surroundings",
+    "bounced",
+    "bounces_of",
+    "indirect_share",
+    "surroundings",
+]
