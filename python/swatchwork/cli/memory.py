@@ -7,8 +7,8 @@ from __future__ import annotations
 import errno
 
 OUT_OF_MEMORY = (
-    b"error: out of memory; what was there before is intact. Close other programs or raise the limit, and the "
-    b"same command goes on; or ask for less, with a lower --resolution, fewer --texels or, above what the "
+    b"error: out of memory; what was there before is intact. Close other programs or raise the limit, and "
+    b"the same command goes on; or ask for less, with a lower --resolution, fewer --texels or, above what the "
     b"machine has, a lower --memory\n"
 )
 
