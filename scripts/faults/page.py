@@ -22,7 +22,7 @@ def write(file: Path, found: dict[str, Any]) -> None:
     lines = ["| fault | times | found afterwards | verdict | commit |", "|---|---|---|---|---|"]
     for figures in found.values():
         lines += [
-            f"| {row['fault']} | {row['times']} | {row['found']} "
+            f"| {row['fault']} | {row['times']} | {' '.join(row['found'].split())} "
             f"| {'holds' if row['holds'] else '**fails**'} | {figures['commit']} |"
             for row in figures["rows"]
         ]

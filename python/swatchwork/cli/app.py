@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import traceback
 from collections.abc import Sequence
@@ -105,7 +106,8 @@ def run(arguments: Sequence[str] | None, stop: Stop) -> int:
         if stop.by is not None:  # A library made something else of it.
             raise KeyboardInterrupt from error
         if is_out_of_memory(error):
-            stderr().print(f"error: {OUT_OF_MEMORY}", style="bold red", markup=False, soft_wrap=True)
+            # No console: there may be too little left to make one.
+            os.write(2, OUT_OF_MEMORY)
             return FAILED
         if hasattr(error, "show") and hasattr(
             error, "exit_code"

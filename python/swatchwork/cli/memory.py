@@ -7,9 +7,9 @@ from __future__ import annotations
 import errno
 
 OUT_OF_MEMORY = (
-    "out of memory; what was there before is intact. Close other programs or raise the limit, and the same "
-    "command goes on; or ask for less, with a lower --resolution, fewer --texels or, above what the machine "
-    "has, a lower --memory"
+    b"error: out of memory; what was there before is intact. Close other programs or raise the limit, and "
+    b"the same command goes on; or ask for less, with a lower --resolution, fewer --texels or, above "
+    b"what the machine has, a lower --memory\n"
 )
 
 SIGNS = (
