@@ -73,6 +73,7 @@ bench: setup ## measure speed, memory and error (hours); write docs/benchmarks.m
 	$(BIN)/python scripts/bench/scaling.py --json $(BENCH)/scaling.json
 	$(BIN)/python scripts/bench/streaming.py --captures $(CAPTURES) --json $(BENCH)/streaming.json
 	$(BIN)/python scripts/bench/beside_peer.py --captures $(CAPTURES) --json $(BENCH)/peer.json
+	$(BIN)/python scripts/bench/beside_commit.py 78770a3 --json $(BENCH)/beside_commit.json
 	$(BIN)/python scripts/bench/resume.py --json $(BENCH)/resume.json
 	$(BIN)/python scripts/bench/page.py --figures $(BENCH) --page docs/benchmarks.md
 

@@ -16,6 +16,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import beside_commit
 import beside_peer
 import resume
 import scaling
@@ -242,12 +243,34 @@ command; every file is compared but the report, which tells the time.
 """
 
 
+WORSE = 1.05
+
+
+def beside_section(figures: Figures) -> str:
+    rows = figures["rows"]
+    found = [
+        (f"{row['capture']}: {what}, over commit {figures['before']}", row[key], WORSE, "times")
+        for row in rows
+        for key, what in (("cpu", "CPU time"), ("wall", "time"), ("peak", "peak memory"))
+    ]
+    return f"""{source(figures, [])}
+
+Clean captures, 1 % noise, reconstructed by that commit and by this one in turn: what looking for outliers and
+for suspect photographs, digests of checkpoints and limits on files cost where there is nothing to be found.
+
+{results.verdicts(found)}
+
+{results.table(beside_commit.HEAD, [beside_commit.cells(row) for row in rows], markdown=True)}
+"""
+
+
 SECTIONS: dict[str, tuple[str, Callable[[Figures], str]]] = {
     "table1": ("Table 1 of the paper", table1_section),
     "peer": ("Beside Mitsuba 3", peer_section),
     "scaling": ("Cost against M, k, N, n", scaling_section),
     "stages": ("Stages against their limits", stages_section),
     "streaming": ("A subset of texels against every texel", streaming_section),
+    "beside_commit": ("Clean captures, beside an earlier commit", beside_section),
     "resume": ("kill -9 at random moments", resume_section),
 }
 HEAD = """# Benchmarks
