@@ -22,6 +22,7 @@ from PIL import Image
 
 from swatchwork.capture import (
     read_capture,
+    read_exr_channels,
     read_image,
     read_json,
     read_photograph,
@@ -123,7 +124,8 @@ JSON: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
     "the version true": (key("format_version", True), ("format_version",)),
     "the folder itself": (frame_key("file_path", "."), ("\"file_path\" is '.', a folder",)),
     "a folder above itself": (frame_key("mask_path", "x/.."), ("a folder",)),
-    "a name too long": (frame_key("file_path", "a" * 5000 + ".exr"), ("there is no",)),
+    "a name too long": (frame_key("file_path", "a" * 256 + ".exr"), ("260 bytes long", "names of 255")),
+    "a path too long": (frame_key("file_path", "d/" * 600 + "a.exr"), ("1205 bytes long",)),
     "NUL in a name": (frame_key("file_path", "a.exr\0"), ("control characters",)),
     "a line end in a name": (frame_key("file_path", "a\nerror: b.exr"), ("a\\nerror", "control characters")),
     "a surrogate in a name": (frame_key("file_path", "\ud800.exr"), ("control characters",)),
@@ -396,6 +398,32 @@ def test_ply_reads_no_texture(tmp_path: Path) -> None:
     content = ply("3 0 1 2\n").replace(b"element vertex", b"comment TextureFile pipe\nelement vertex")
     (tmp_path / "mesh.ply").write_bytes(content)
     assert len(read_mesh(tmp_path / "mesh.ply").faces) == 1
+
+
+def test_files_have_limits(capture: Path) -> None:
+    """Files of holes, which take no room on the disk."""
+    assert cv2.imwrite(str(capture / "a.hdr"), np.ones((4, 6, 3), np.float32))
+    for name in ("a.exr", "a.hdr", "mask.png"):
+        os.truncate(capture / name, 2**33)
+        with pytest.raises(InputError, match=f"{name}.*is 8589934592 bytes long"):
+            read_image(capture / name)
+    os.truncate(capture / "mesh.obj", 2**33)
+    with pytest.raises(InputError, match="is 8589934592 bytes long"):
+        read_mesh(capture / "mesh.obj")
+
+
+def test_channels_are_counted_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_exr_channels(tmp_path / "a.exr", {f"c{i}": np.ones((4, 6), np.float32) for i in range(9)})
+    monkeypatch.setattr("swatchwork.capture.exr.MOST_SAMPLES", 9 * 24 - 1)
+    with pytest.raises(InputError, match="declares 216 numbers"):
+        read_exr_channels(tmp_path / "a.exr")
+
+
+def test_json_of_many_values(tmp_path: Path) -> None:
+    """Three bytes make a list of 64."""
+    (tmp_path / "a.json").write_text("[" + "[]," * 2**22 + "[]]")
+    with pytest.raises(InputError, match="more than 8388608 values"):
+        read_json(tmp_path / "a.json")
 
 
 def test_json_files_have_a_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

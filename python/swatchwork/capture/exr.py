@@ -16,7 +16,7 @@ import numpy.typing as npt
 import OpenEXR
 
 from swatchwork.arrays import Float
-from swatchwork.capture.guarding import check_size, need_file
+from swatchwork.capture.guarding import MOST_IMAGE_BYTES, MOST_PIXELS, check_size, need_file
 from swatchwork.errors import InputError, OutputError
 
 _PIXEL_TYPES = {
@@ -30,6 +30,8 @@ SAMPLES_A_BYTE = 1040
 the cosines of DWA and what came later pack a uniform block in next to nothing."""
 BOUNDED = ("NO", "RLE", "ZIPS", "ZIP", "PIZ", "PXR24", "B44", "B44A")
 MOST_CHANNELS = 1024
+MOST_SAMPLES = 4 * MOST_PIXELS
+"""In all channels, of all parts: the largest RGBA image, or 80 channels of a 4K frame."""
 
 Channels = dict[str, npt.NDArray[Any]]
 
@@ -69,12 +71,17 @@ def exr_size(path: Path) -> tuple[int, int]:
     with _opened(path, header_only=True) as file:
         # The library reads all parts, though we look at the first.
         parts = [_declared(path, part.header) for part in file.parts]
-    width, height = parts[0]
+    samples = sum(count for *_, count in parts)
+    if samples > MOST_SAMPLES:
+        raise InputError(
+            f"declares {samples} numbers in all its channels", file=path, expected=f"{MOST_SAMPLES} at most"
+        )
+    width, height, _ = parts[0]
     return width, height
 
 
-def _declared(path: Path, header: Any) -> tuple[int, int]:
-    """(width, height) of a part's display window; its header's windows and channels are within limits."""
+def _declared(path: Path, header: Any) -> tuple[int, int, int]:
+    """(width, height) of a part's display window, and how many numbers it declares; each within limits."""
     if "deep" in str(header["type"]):
         raise InputError("is a deep image", file=path, expected="one sample a pixel")
     channels, bounded = len(header["channels"]), header["compression"].name.partition("_")[0] in BOUNDED
@@ -87,7 +94,7 @@ def _declared(path: Path, header: Any) -> tuple[int, int]:
         most = SAMPLES_A_BYTE / channels if bounded else np.inf
         check_size(path, width, height, file_bytes=path.stat().st_size, most_a_byte=most)
         sizes.append((width, height))
-    return sizes[-1]
+    return *sizes[-1], channels * max(width * height for width, height in sizes)
 
 
 def write_exr_channels(path: Path, channels: Mapping[str, npt.NDArray[Any]]) -> None:
@@ -160,7 +167,7 @@ def write_exr(path: Path, pixels: Float, *, half: bool = False) -> None:
 @contextmanager
 def _opened(path: Path, *, header_only: bool) -> Iterator[Any]:
     """An open file; whatever the library finds wrong, on opening or later, becomes an InputError."""
-    need_file(path, "an EXR image")
+    need_file(path, "an EXR image", most=MOST_IMAGE_BYTES)
     try:
         # The library prints what it finds wrong with a file, before it raises.
         with (

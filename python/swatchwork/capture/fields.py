@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from swatchwork.arrays import F64
+from swatchwork.capture.guarding import MOST_NAME_BYTES, MOST_PATH_BYTES
 from swatchwork.errors import InputError
 
 REQUIRED: Any = object()
@@ -125,6 +126,13 @@ def path_within(root: Path, text: str, where: str, key: str, *, above: int = 0) 
     if any(unicodedata.category(c) in ("Cc", "Cs", "Zl", "Zp") for c in text):
         raise InputError(
             f'"{key}" is {shown(text)}', file=where, expected="a file name without control characters"
+        )
+    names = slashed.encode().split(b"/")
+    if max(map(len, names)) > MOST_NAME_BYTES or len(slashed.encode()) > MOST_PATH_BYTES:
+        raise InputError(
+            f'"{key}" is {shown(text)}, {len(slashed.encode())} bytes long',
+            file=where,
+            expected=f"a path of {MOST_PATH_BYTES} bytes at most, of names of {MOST_NAME_BYTES}",
         )
     relative = os.path.normpath(slashed)
     climbs = relative.split("/").count("..")

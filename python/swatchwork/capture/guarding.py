@@ -23,6 +23,15 @@ MOST_PIXELS = 178_956_970
 MOST_JSON_BYTES = 1 << 27
 """Of one JSON document; ten thousand frames take 10 MB, a material of 100 representatives 3 MB."""
 
+MOST_JSON_VALUES = 1 << 23
+"""Of one JSON document: three bytes make a list of 64. Ten thousand frames have 300,000."""
+
+MOST_IMAGE_BYTES = 1 << 32
+"""Of one image file; the largest that we read takes 2.9 GB as floats without compression."""
+
+MOST_NAME_BYTES, MOST_PATH_BYTES = 255, 1024
+"""Of a file's name, as file systems have it, and of a path that a capture names."""
+
 MOST_MESH_BYTES = 1 << 32
 """Of one mesh file, or of the buffers of one glTF; fifty million triangles take about as much."""
 
@@ -92,6 +101,12 @@ def parsed_json(
     text: str | bytes, path: Path, expected: str = "a JSON object", hint: str | None = "It may be truncated"
 ) -> Any:
     """The document in a text of the file ``path``; see `read_json`."""
+    if isinstance(text, str):
+        values = sum(text.count(mark) for mark in ",[{")
+    else:
+        values = sum(text.count(mark) for mark in (b",", b"[", b"{"))
+    if values > MOST_JSON_VALUES:
+        raise InputError(f"has more than {MOST_JSON_VALUES} values", file=path, expected=expected)
     try:
         return json.loads(text, object_pairs_hook=_once)
     except RecursionError as error:

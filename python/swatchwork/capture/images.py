@@ -17,7 +17,7 @@ from PIL import Image as Pillow
 
 from swatchwork.arrays import F32, U8, Bool, Float
 from swatchwork.capture.exr import exr_size, read_exr_channels
-from swatchwork.capture.guarding import check_size, need_file
+from swatchwork.capture.guarding import MOST_IMAGE_BYTES, check_size, need_file
 from swatchwork.errors import InputError, OutputError
 
 LINEAR_SUFFIXES = (".exr", ".hdr")
@@ -108,7 +108,7 @@ def image_size(path: Path) -> tuple[int, int]:
     suffix = path.suffix.lower()
     if suffix == ".exr":
         return exr_size(path)
-    length = need_file(path, "an image")
+    length = need_file(path, "an image", most=MOST_IMAGE_BYTES)
     if suffix == ".hdr":
         width, height = _hdr_size(path)
     else:

@@ -83,8 +83,9 @@ def _from_file(file: Path) -> dict[str, float]:
     if file.suffix.lower() in RAW_SUFFIXES:
         found = raw_exposure(file)
     else:
+        need_file(file, "a photograph")
         try:
-            with Pillow.open(file) as picture:
+            with Pillow.open(file, formats=("JPEG", "PNG")) as picture:
                 exif = picture.getexif().get_ifd(_EXIF_FOLDER)
         except Exception as error:
             raise InputError(

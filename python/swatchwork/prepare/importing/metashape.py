@@ -131,6 +131,10 @@ def _file(source: Path) -> Path:
     return files[0]
 
 
+MOST_ELEMENTS = 1 << 22
+"""Of an XML file; ten thousand cameras have some 100,000."""
+
+
 def _parsed(file: Path) -> Element:
     """The document's root. A document type is refused: it could name files and expand without bound."""
     need_file(file, "cameras as Metashape exports them", most=MOST_JSON_BYTES)
@@ -140,6 +144,8 @@ def _parsed(file: Path) -> Element:
         raise InputError(f"cannot be read ({error.strerror})", file=file) from error
     if b"<!DOCTYPE" in text.replace(b"\0", b"") or b"<!ENTITY" in text.replace(b"\0", b""):
         raise InputError("has a document type", file=file, expected="cameras as Metashape exports them")
+    if text.count(b"<") > MOST_ELEMENTS:
+        raise InputError(f"has more than {MOST_ELEMENTS} elements", file=file, expected="cameras")
     try:
         return ElementTree.fromstring(text)
     except (ElementTree.ParseError, ValueError, LookupError) as error:
