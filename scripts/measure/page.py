@@ -5,8 +5,9 @@
     python scripts/measure/page.py --figures target/validation --page docs/validation.md
 
 Reads forward_model.json, exactness.json, two_of_four*.json, robust.json, shadows.json, captures.json,
-planning.json, confidence.json, silhouettes.json, photographs.json and exports.json, whichever are there. Every
-verdict is computed from them against the bounds below; the page names the command and the commit of each figure.
+planning.json, confidence.json, silhouettes.json, photographs.json and exports.json, whichever are there.
+Verdicts are computed from them against the bounds below; the page names the command and the commit of each
+figure.
 """
 
 from __future__ import annotations
