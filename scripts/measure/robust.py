@@ -108,8 +108,8 @@ def options(robust: bool) -> ReconstructOptions:
 
 def outliers(args: argparse.Namespace) -> list[dict[str, Any]]:
     rows = []
-    for shape in ("peanut", "sphere"):
-        for seed in range(3):
+    for seed in range(3):
+        for shape in args.shapes:
             with tempfile.TemporaryDirectory() as place:
                 work = Path(place)
                 capture(work / "clean", shape, seed)
@@ -190,6 +190,7 @@ def main() -> None:
     parser.add_argument("--data", type=Path, help="folder with envmaps/latlong; procedural lights without it")
     parser.add_argument("--only", nargs="+", choices=PARTS, default=PARTS)
     parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--shapes", nargs="+", default=["peanut", "sphere"], help="of the spoilt captures")
     parser.add_argument("--texels", type=int, default=2000, help="of the noise table's sphere")
     parser.add_argument("--json", type=Path, help="write the figures here")
     parser.add_argument("--one", type=Path, help=argparse.SUPPRESS)

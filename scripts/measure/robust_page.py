@@ -90,10 +90,10 @@ def outliers(figures: dict[str, Any]) -> str:
                 ]
             )
     head = ["capture", "n, N", "NRMS %", "over clean", "left out %", "undecided %", "CPU s"]
-    return f"""Captures of 12 photographs (128 pixels, GGX materials, 1 % noise and read noise), a fifth of
-the object's pixels replaced by blobs of another colour and by single bright pixels; a third of the samples
-are touched. *All counted* is `--no-robust`. *Undecided* are texels of whose views no two agree: they
-have the blend of the nearest other. NRMS of clean test frames under another light.
+    return f"""Captures of 12 photographs (128 pixels, GGX, 1 % noise and read noise), a fifth of the
+object's pixels replaced by blobs of another colour and by single bright pixels; a third of the samples are
+touched. *All counted* is `--no-robust`. *Undecided* are texels of whose views no two agree: they have the
+blend of the nearest other. NRMS of clean test frames under another light.
 
 {results.verdicts(verdicts)}
 
