@@ -315,7 +315,6 @@ def interreflections_section(figures: Figures) -> str:
     if sphere:
         change = max(abs(r["all"] - of(sphere, "plain", 0)["all"]) for r in sphere if "light" not in r["fit"])
         verdicts.append(("sphere: change of NRMS", change, 0.0, "%"))
-    share = spot[0]["indirect"] if spot else None
     light = ""
     if spot:
         low, tenth, hundredth = (100 * spot[0]["indirect"][k] for k in interreflections.SHARES)
@@ -329,9 +328,10 @@ median measurement, {off[1]:.2f} % at the 90th percentile, {off[2]:.1f} % at the
 
 Atlas of {figures["resolution"]} x {figures["resolution"]} texels, extended basis, test views at a third of
 their size. NRMS in %; *shut in*: pixels whose texel's sky the object hides to more than {shut_in:.0f} %
-(cosine-weighted), *deep*: to more than {deep:.0f} %. *rounds* are of solving and blending under the light that
-the object sends to itself; as many rounds without that light are the control. *cpu ratio*: CPU time of all
-rounds so far over that of the plain reconstruction. *MB*: peak of the process up to there, relighting included.
+(cosine-weighted), *deep*: to more than {deep:.0f} %. *rounds* are of solving and blending under the light
+that the object sends to itself; as many rounds without that light are the control. *cpu ratio*: CPU time of
+all rounds so far over that of the plain reconstruction. *MB*: peak of the process up to there, relighting
+included.
 {light}
 
 {results.verdicts(verdicts)}
