@@ -180,6 +180,7 @@ def measure(folder: Path, resolution: int) -> list[dict[str, Any]]:
     return rows
 
 
+SHARES = ("median", "ninth_tenth", "last_hundredth")
 HEAD = ["capture", "fit", "bounces in relight", "n, N", "NRMS", "shut in", "open", "deep", "cpu ratio", "MB"]
 
 

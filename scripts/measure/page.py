@@ -20,6 +20,7 @@ import confidence
 import exactness
 import exports
 import frames
+import interreflections
 import photographs_page
 import planning
 import results
@@ -294,6 +295,55 @@ anew from the specification (scripts/measure/gltf_bsdf.py).
 """
 
 
+PHOTOGRAPH_NOISE = 0.02
+"""Of the photographs of spot-merl-interreflect, from its README."""
+
+
+def interreflections_section(figures: Figures) -> str:
+    rows = figures["rows"]
+    spot, sphere = ([r for r in rows if r["capture"] == name] for name in interreflections.NAMES)
+    rounds = f"rounds: {interreflections.ROUNDS}"
+
+    def of(rows: list[Figures], fit: str, bounces: int) -> Figures:
+        return next(r for r in rows if (r["fit"], r["bounces"]) == (fit, bounces))
+
+    verdicts: list[results.Verdict] = []
+    if spot:
+        plain, with_both = of(spot, "plain", 0), of(spot, rounds, interreflections.BOUNCES[-1])
+        for part in ("all", "shut_in", "deep"):
+            gain = with_both[part] / plain[part]
+            verdicts.append((f"spot, {part}: NRMS with both over that without", gain, 1.0, ""))
+        noise = plain["noise"]
+        verdicts.append(("spot: noise of all light shown, NRMS", noise["nrms"], PHOTOGRAPH_NOISE, "%"))
+        verdicts.append(("spot: noise at the 90th percentile", noise["tenth"], PHOTOGRAPH_NOISE, "%"))
+    if sphere:
+        change = max(abs(r["all"] - of(sphere, "plain", 0)["all"]) for r in sphere if "light" not in r["fit"])
+        verdicts.append(("sphere: change of NRMS", change, 0.0, "%"))
+    light = ""
+    if spot:
+        low, tenth, hundredth = (100 * spot[0]["indirect"][k] for k in interreflections.SHARES)
+        off = [100 * noise[k] for k in ("median", "tenth", "hundredth")]
+        light = f"""Of the light that spot shows to its photographs, indirect light is {low:.1f} % at the
+typical point, over {tenth:.1f} % at a tenth of the points and over {hundredth:.0f} % at a hundredth (two
+rounds). Noise is that of all light shown, from two sets of places where it is gathered: {off[0]:.2f} % at the
+median measurement, {off[1]:.2f} % at the 90th percentile, {off[2]:.1f} % at the 99th."""
+    shut_in, deep = 100 * interreflections.SHUT_IN, 100 * interreflections.DEEP
+    return f"""{source(figures)}
+
+Atlas of {figures["resolution"]} x {figures["resolution"]} texels, extended basis, test views at a third of
+their size. NRMS in %; *shut in*: pixels whose texel's sky the object hides to more than {shut_in:.0f} %
+(cosine-weighted), *deep*: to more than {deep:.0f} %. *rounds* are of solving and blending under the light
+that the object sends to itself; as many rounds without that light are the control. *cpu ratio*: CPU time of
+all rounds so far over that of the plain reconstruction. *MB*: peak of the process up to there, relighting
+included.
+{light}
+
+{results.verdicts(verdicts)}
+
+{results.table(interreflections.HEAD, [interreflections.cells(r) for r in rows], markdown=True)}
+"""
+
+
 def silhouettes_section(figures: Figures) -> str:
     rows = figures["rows"]
     verdicts = [(f"{r['capture']}: worst angle", r["degrees"], 0.1, "degrees") for r in rows]
@@ -386,6 +436,7 @@ SECTIONS: dict[str, tuple[str, Callable[[Figures], str]]] = {
     ),
     "viewer": ("Viewer", viewer_section),
     "exports": ("Exports", exports_section),
+    "interreflections": ("Interreflections", interreflections_section),
 }
 HEAD = """# Validation
 

@@ -69,7 +69,7 @@ class Reflecting:
         """Factors [N, C, 3] at COSINES, to hold representatives to the possible where no photograph looked.
 
         Most of the light that parts of an object lend each other leaves at a slant that no camera sees, and
-        there a fit puts what it likes: kernels with Fresnel's rise to 1 are free to be of any size.
+        there a fit puts what it likes: kernels that are Fresnel's rise alone may be as large as they please.
         A representative's albedo is held to its largest at steep angles and that rise once; and to 1.
         """
         albedo = np.einsum("aj,njc->nac", albedos(self.basis), self.representatives)
