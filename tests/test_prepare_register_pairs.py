@@ -79,5 +79,5 @@ def test_damage_is_told(tmp_path, document, said):
 
 
 def test_a_missing_file_is_told(tmp_path):
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="no such file"):
         read_pairs(tmp_path / "pairs.json")
