@@ -4,9 +4,11 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,6 +21,7 @@ from swatchwork.capture import (
     EnvironmentSource,
     Frame,
     read_capture,
+    read_image,
     write_capture,
     write_exr,
 )
@@ -50,6 +53,7 @@ from swatchwork.surface import (
     sphere_mesh,
     write_mesh_obj,
 )
+from swatchwork.workflow import reconstruct_folder, relight_folder
 
 ALBEDO = np.array([0.8, 0.5, 0.2])
 RESOLUTION = 64
@@ -455,3 +459,24 @@ def test_the_loop_finds_the_albedo_beside_an_edge(photographed: Capture) -> None
     assert set(keeper.made) == lost
     assert np.array_equal(again.solution.representatives, found.solution.representatives)
     assert np.array_equal(again.blend.weight, found.blend.weight)
+
+
+def test_a_material_recovered_with_them_is_relit_with_them(photographed: Capture, tmp_path: Path) -> None:
+    solve = SolveOptions(n=1, N=1)
+    options = ReconstructOptions(24, "paper", 100, solve, interreflections=1)
+    summary = reconstruct_folder(photographed.file, tmp_path / "material", options, views=1, viewer=False)
+    assert summary.interreflections == 1 and summary.indirect is not None
+    assert "Light by way of the object itself" in summary.in_words()
+    solver = json.loads((tmp_path / "material" / "svbrdf.json").read_text())["solver"]
+    assert solver["interreflections"]["rounds"] == 1
+    assert solver["interreflections"]["indirect"]["median"] == summary.indirect.median
+    cameras = json.loads(photographed.file.read_text())
+    one = photographed.root / "one.json"
+    one.write_text(json.dumps(cameras | {"frames": cameras["frames"][:1]}))
+    shown = {}
+    for name, bounces in (("default", None), ("none", 0), ("two", 2)):
+        out = tmp_path / name
+        relight_folder(tmp_path / "material", one, out, samples=1, interreflections=bounces)
+        shown[name] = read_image(out / "0.exr").linear
+    assert np.array_equal(shown["default"], shown["two"])
+    assert shown["two"].mean() > 1.02 * shown["none"].mean()

@@ -4,6 +4,8 @@
 
     python scripts/measure/interreflections.py --captures ../shared/captures \\
         --json target/validation/interreflections.json
+    python scripts/measure/interreflections.py --captures ../shared/captures --check \\
+        --json target/validation/interreflections-check.json
 
 One reconstruction of each capture, then rounds of solving and blending under the light that the object
 sends to itself; beside them as many rounds without that light, for going on alone might gain as well. Each is
@@ -33,14 +35,22 @@ import results
 from captures import hidden_share, texels_of
 
 from swatchwork.capture import Capture, Frame, read_capture, read_photograph
-from swatchwork.interreflection import bounced, indirect_share, surroundings
+from swatchwork.interreflection import PLACES, bounced, indirect_share, surroundings
 from swatchwork.keeping import IN_MEMORY, Array, Kept
 from swatchwork.light import read_environment
 from swatchwork.observe import stratified
-from swatchwork.reconstruct import Reconstruction, ReconstructOptions, reconstruct, under_its_own_light
+from swatchwork.reconstruct import (
+    Reconstruction,
+    ReconstructOptions,
+    reconstruct,
+    shadows_of,
+    surface_of,
+    under_its_own_light,
+)
 from swatchwork.relight import render
 from swatchwork.response import representative_responses
 from swatchwork.streaming import blend_every_texel, solve_on_subset
+from swatchwork.surface import build_atlas, padded
 from swatchwork.workflow.pages import relit
 
 NAMES = ("spot-merl-interreflect", "sphere-merl")
@@ -120,15 +130,17 @@ class Once:
 def noise(found: Reconstruction) -> dict[str, float]:
     """How the light shown to the photographs changes with the places that it is gathered at.
 
-    Two sets of places, of 16,000 and 15,000: each is off by 1 / sqrt(2) of their difference.
+    Two sets of places, of 80 and 75 % of those in use: each is off by 1 / sqrt(2) of their difference, and by
+    somewhat more than all of them would be.
     """
+    most = min(PLACES, len(found.observations.atlas))
     surface, sky = found.surface, found.rendering.sky
     known = found.basis, found.solution.representatives
     pairs = found.rendering.pairs(stratified(found.observations, 2000, 1))
     seen, blend = pairs.seen, surface.blend(pairs.seen.texel)
     direct = np.einsum("pn,pnc->p", blend, found.rendering.under(None).representatives(*known, pairs))
     shown = []
-    for places in (16_000, 15_000):
+    for places in (int(0.8 * most), int(0.75 * most)):
         around = surroundings(found.scene, surface.atlas, sky, found.blend.texel_of_pixel, places=places)
         light, respond = bounced(surface, around), partial(representative_responses, *known)
         where = seen.frame, seen.texel, seen.normal, seen.to_viewer
@@ -141,7 +153,7 @@ def noise(found: Reconstruction) -> dict[str, float]:
 
 
 def measure(folder: Path, resolution: int) -> list[dict[str, Any]]:
-    """A row for each fit and each number of bounces in relighting; the first has the noise, too."""
+    """A row for each fit and each number of bounces in relighting."""
     capture, test = read_capture(folder), read_capture(folder / "test")
     options = ReconstructOptions(resolution=resolution)
     rows: list[dict[str, Any]] = []
@@ -170,7 +182,6 @@ def measure(folder: Path, resolution: int) -> list[dict[str, Any]]:
         note(f"rounds: {rounds}", found, time.process_time() - start)
     assert found.indirect is not None
     if len(found.indirect.around):
-        rows[0]["noise"] = noise(found)
         rows[0]["indirect"] = vars(indirect_share(found.rendering, found.surface))
     spent, on = first, plain
     start = time.process_time()
@@ -199,15 +210,33 @@ def cells(r: dict[str, Any]) -> list[str]:
     ]
 
 
+def checked(captures: Path, resolution: int) -> dict[str, Any]:
+    """The noise of the first capture's indirect light, and at how many places the last one sees itself."""
+    options = ReconstructOptions(resolution=resolution)
+    found = reconstruct(read_capture(captures / NAMES[0]), options)
+    around = surroundings(found.scene, found.surface.atlas, found.rendering.sky, found.blend.texel_of_pixel)
+    lit = found.rendering.under(bounced(found.surface, around))
+    mesh, scene, _ = surface_of(read_capture(captures / NAMES[-1]), resolution)
+    atlas = build_atlas(mesh, resolution)
+    convex = surroundings(scene, atlas, shadows_of(scene, atlas), padded(atlas))
+    return {"noise": noise(replace(found, rendering=lit)), "places_of_convex": len(convex)}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--captures", type=Path, required=True, help="folder of capture folders")
-    parser.add_argument("--only", nargs="+", choices=NAMES, default=NAMES)
+    parser.add_argument("--only", nargs="+", choices=NAMES, default=NAMES[:1])
     parser.add_argument("--resolution", type=int, default=128, help="of the atlas")
     parser.add_argument("--json", type=Path, help="write the figures here")
+    parser.add_argument("--check", action="store_true", help="noise and convex control alone, by themselves")
     args = parser.parse_args()
+    if args.check:
+        figures = checked(args.captures, args.resolution)
+        print(figures)
+        results.write(args.json, {"resolution": args.resolution} | figures)
+        return
     rows: list[dict[str, Any]] = []
     for name in args.only:
         rows += measure(args.captures / name, args.resolution)

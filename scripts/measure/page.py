@@ -301,32 +301,13 @@ PHOTOGRAPH_NOISE = 0.02
 
 def interreflections_section(figures: Figures) -> str:
     rows = figures["rows"]
-    spot, sphere = ([r for r in rows if r["capture"] == name] for name in interreflections.NAMES)
-    rounds = f"rounds: {interreflections.ROUNDS}"
-
-    def of(rows: list[Figures], fit: str, bounces: int) -> Figures:
-        return next(r for r in rows if (r["fit"], r["bounces"]) == (fit, bounces))
-
-    verdicts: list[results.Verdict] = []
-    if spot:
-        plain, with_both = of(spot, "plain", 0), of(spot, rounds, interreflections.BOUNCES[-1])
-        for part in ("all", "shut_in", "deep"):
-            gain = with_both[part] / plain[part]
-            verdicts.append((f"spot, {part}: NRMS with both over that without", gain, 1.0, ""))
-        noise = plain["noise"]
-        verdicts.append(("spot: noise of all light shown, NRMS", noise["nrms"], PHOTOGRAPH_NOISE, "%"))
-        verdicts.append(("spot: noise at the 90th percentile", noise["tenth"], PHOTOGRAPH_NOISE, "%"))
-    if sphere:
-        change = max(abs(r["all"] - of(sphere, "plain", 0)["all"]) for r in sphere if "light" not in r["fit"])
-        verdicts.append(("sphere: change of NRMS", change, 0.0, "%"))
-    light = ""
-    if spot:
-        low, tenth, hundredth = (100 * spot[0]["indirect"][k] for k in interreflections.SHARES)
-        off = [100 * noise[k] for k in ("median", "tenth", "hundredth")]
-        light = f"""Of the light that spot shows to its photographs, indirect light is {low:.1f} % at the
-typical point, over {tenth:.1f} % at a tenth of the points and over {hundredth:.0f} % at a hundredth (two
-rounds). Noise is that of all light shown, from two sets of places where it is gathered: {off[0]:.2f} % at the
-median measurement, {off[1]:.2f} % at the 90th percentile, {off[2]:.1f} % at the 99th."""
+    plain = rows[0]
+    last = [r for r in rows if r["fit"] == f"rounds: {interreflections.ROUNDS}"][-1]
+    verdicts: list[results.Verdict] = [
+        (f"{part}: NRMS with both over that with neither", last[part] / plain[part], 1.0, "")
+        for part in ("all", "shut_in", "deep")
+    ]
+    low, tenth, hundredth = (100 * plain["indirect"][k] for k in interreflections.SHARES)
     shut_in, deep = 100 * interreflections.SHUT_IN, 100 * interreflections.DEEP
     return f"""{source(figures)}
 
@@ -335,12 +316,32 @@ their size. NRMS in %; *shut in*: pixels whose texel's sky the object hides to m
 (cosine-weighted), *deep*: to more than {deep:.0f} %. *rounds* are of solving and blending under the light
 that the object sends to itself; as many rounds without that light are the control. *cpu ratio*: CPU time of
 all rounds so far over that of the plain reconstruction. *MB*: peak of the process up to there, relighting
-included.
-{light}
+included. Of the light shown to the photographs, indirect light is {low:.1f} % at the typical point, over
+{tenth:.1f} % at a tenth of the points and over {hundredth:.0f} % at a hundredth.
 
 {results.verdicts(verdicts)}
 
 {results.table(interreflections.HEAD, [interreflections.cells(r) for r in rows], markdown=True)}
+"""
+
+
+def interreflections_check_section(figures: Figures) -> str:
+    noise = figures["noise"]
+    names = ("median", "tenth", "hundredth")
+    median, tenth, hundredth = (100 * noise[name] for name in names)
+    verdicts: list[results.Verdict] = [
+        ("noise of all light shown, NRMS", noise["nrms"], PHOTOGRAPH_NOISE, "%"),
+        ("noise at the 90th percentile of measurements", noise["tenth"], PHOTOGRAPH_NOISE, "%"),
+        ("sphere-merl: places that see the object", figures["places_of_convex"], 0, ""),
+    ]
+    return f"""{source(figures)}
+
+Noise of all light that spot shows to its photographs, relative to it, from two sets of places where indirect
+light is gathered: {median:.2f} % at the median measurement, {tenth:.2f} % at the 90th percentile,
+{hundredth:.1f} % at the 99th. The photographs have {100 * PHOTOGRAPH_NOISE:.0f} %. An object that sees
+nothing of itself is left as it was found.
+
+{results.verdicts(verdicts)}
 """
 
 
@@ -437,6 +438,10 @@ SECTIONS: dict[str, tuple[str, Callable[[Figures], str]]] = {
     "viewer": ("Viewer", viewer_section),
     "exports": ("Exports", exports_section),
     "interreflections": ("Interreflections", interreflections_section),
+    "interreflections-check": (
+        "Interreflections: noise, and a convex object",
+        interreflections_check_section,
+    ),
 }
 HEAD = """# Validation
 

@@ -5,9 +5,10 @@
 from .bounce import Reflecting, bounced, bounces_of
 from .light import IndirectLight
 from .share import IndirectShare, indirect_share
-from .surroundings import Surroundings, surroundings
+from .surroundings import PLACES, Surroundings, surroundings
 
 __all__ = [
+    "PLACES",
     "IndirectLight",
     "IndirectShare",
     "Reflecting",

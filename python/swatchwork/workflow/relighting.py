@@ -23,7 +23,7 @@ from ..relight import Lighting, RelitScene, relight, turntable
 from ..surface import Mesh, read_mesh
 
 BOUNCES = 2
-"""The third adds less than a photograph's noise to any but white objects."""
+"""Beside the edge of a corner with albedos up to 0.8, they carry 95 % of the indirect light."""
 
 
 @dataclass(frozen=True)
