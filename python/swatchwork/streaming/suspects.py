@@ -29,7 +29,7 @@ class FrameOptions:
     scale: FrameScale = "suspects"
     """Whose exposure is corrected: of none (suspects are left out), of suspects, or of every photograph."""
     keep_suspects: bool = False
-    """Name them, and change nothing."""
+    """Name them, and use them as they are; with ``scale`` all, every exposure is corrected nevertheless."""
 
 
 @dataclass(frozen=True)
