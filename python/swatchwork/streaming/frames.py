@@ -33,8 +33,8 @@ CANDIDATES = 3
 LEFT_OUT = 3
 """At most one photograph in so many is left out."""
 SLIPPED = float(np.log(1.1))
-"""Logarithm of an exposure that is worth a word: of igea-merl's photographs, which are sound, the rough model
-makes one 4 % darker than the others."""
+"""Logarithm of an exposure that is worth a word: the rough model makes sound photographs of measured
+materials up to 6 % darker or brighter than the others (docs/validation.md)."""
 SURE = 4.0
 """Standard errors, and spreads of the other photographs, that an exposure is off by."""
 CORRELATED = 10.0
