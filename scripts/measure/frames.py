@@ -39,7 +39,7 @@ from swatchwork.surface import build_atlas, read_mesh
 from swatchwork.workflow.pages import relit
 
 VIEWS, SIZE, ROWS, BAD = 10, 128, 48, 3
-RESOLUTION, TEXELS = 64, 500
+RESOLUTION, TEXELS = 128, 2000
 RATIO = 1.3
 """NRMS as diagnosed over that with the photograph left out by hand, at most."""
 REAL = ("igea-merl", "sphere-merl", "spot-merl-interreflect")
