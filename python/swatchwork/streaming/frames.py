@@ -199,7 +199,9 @@ def _evidence(court: Court, model: Model, frame: int, closely: bool = False) -> 
     others = [i for i in range(len(court.frames)) if model.trusted[i]]
     each = [court.displacements(model, i) for i in others]
     medians = np.array([np.median(e.exposure) for e in each if len(e.exposure) >= FEWEST])
-    usual = float(np.nanmedian([misfit(e.difference) for e in each]))
+    misfits = np.array([misfit(e.difference) for e in each])
+    # Where the others tell nothing of one another, nothing stands out.
+    usual = float(np.nanmedian(misfits)) if np.isfinite(misfits).any() else np.inf
     tried: list[tuple[Kind, str, Displaced]] = [
         ("pose", "object", d.pose("object")),
         ("pose", "camera", d.pose("camera")),
