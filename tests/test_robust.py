@@ -95,7 +95,8 @@ def test_outliers_are_found_and_left_out(sphere: SyntheticProblem) -> None:
     assert (flagged & ~out).sum() < 0.05 * (told & ~out).sum()
     # Representatives and blends of texels that were decided; what undecided ones take is the atlas' matter.
     seen = ~np.isnan(robust.relative_error)
-    assert seen.mean() > 0.75
+    # Of 3.6 views a texel, three have to agree.
+    assert seen.mean() > 0.4
     weights = np.where(seen[:, None], robust.weights, robust.weights[seen].mean(axis=0))
     truth = np.where(seen[:, None], best.weights, best.weights[seen].mean(axis=0))
     assert novel(sphere, replace(robust, weights=weights)) < 1.5 * novel(sphere, replace(best, weights=truth))

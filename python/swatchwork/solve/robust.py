@@ -24,7 +24,7 @@ from .problem import Problem
 from .robust_start import robust_start
 from .search import resume, solve
 from .solution import Outliers, Solution
-from .trimming import Trimmed, settled_blend
+from .trimming import VOTES, Trimmed, settled_blend
 
 FAR = 24.0
 """Times the scale that counts as far off."""
@@ -49,8 +49,8 @@ def solve_robustly(
     """As ``solve``, and where there are outliers, without them.
 
     Without, the answer is that of ``solve``, bit for bit. With, ``Solution.outliers`` says how many there are
-    and by what bound; texels of whose views no majority agrees have no part in the representatives, and
-    their ``relative_error`` is NaN.
+    and by what bound; texels of whose views no majority, three at least, agrees have no part in the
+    representatives, and their ``relative_error`` is NaN.
     """
     options = options or SolveOptions()
     plain = solve(problem, options, progress)
@@ -81,7 +81,12 @@ def resume_robustly(
 
 
 def suspicious(problem: Problem, solution: Solution, options: SolveOptions) -> bool:
-    """Whether a solution leaves more measurements far behind than it does in clean captures."""
+    """Whether a solution leaves more measurements far behind than it does in clean captures.
+
+    Where texels have fewer views than have to agree, on average, there is nothing to tell outliers by.
+    """
+    if np.diff(problem.offsets).mean() < VOTES:
+        return False
     if solution.noise > UNEXPLAINED:
         return True
     few = np.zeros(problem.texels, dtype=bool)

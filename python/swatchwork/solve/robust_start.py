@@ -49,6 +49,7 @@ def robust_start(problem: Problem, options: SolveOptions) -> tuple[F64, int, flo
     part = whole.weighted(weight, np.ones(whole.texels))
     model = moves.start(part, 1, options)
     scale = settled_blend(whole.fold(model.representatives), whole.radiance, whole.offsets, 1).settled
+    found = model.representatives, 1, scale
     best, in_vain, most = np.inf, 0, options.N or min(MOST, options.max_N)
     for N in range(1, most + 1):
         n = min(options.n or min(BLENDED, options.max_n), N)
@@ -68,11 +69,13 @@ def robust_start(problem: Problem, options: SolveOptions) -> tuple[F64, int, flo
             weight, share = _weights(trimmed, scale, texel)
             part = whole.weighted(weight, share)
             model = _fitted(part, model, n, trimmed, options)
-        in_vain = 0 if scale < WORTHWHILE * best else in_vain + 1
-        best = min(best, scale)
-        if in_vain == PATIENCE and options.N is None:
+        in_vain += 1
+        # What is added in vain is made of outliers, and would have them agree.
+        if scale < WORTHWHILE * best or options.N is not None:
+            found, best, in_vain = (model.representatives, n, scale), min(best, scale), 0
+        if in_vain == PATIENCE:
             break
-    return model.representatives, n, scale
+    return found
 
 
 def _weights(trimmed: Trimmed, scale: float, texel: np.ndarray) -> tuple[F64, F64]:
