@@ -13,6 +13,7 @@ file, median of five loads in a window of 1280 x 800. Chromium draws by software
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import tempfile
 import time
@@ -156,12 +157,19 @@ def page_cells(r: dict[str, Any]) -> list[str]:
     ]
 
 
+def before(path: Path | None) -> dict[str, Any]:
+    """The figures of an earlier run, of which ``--only`` measures a part anew."""
+    kept = json.loads(path.read_text(encoding="utf-8")) if path is not None and path.exists() else {}
+    return {key: kept.get(key, []) for key in ("pages", "canvases")}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--captures", type=Path, required=True, help="folder with igea-merl/")
     parser.add_argument("--size", type=int, default=160, help="pixels along the compared canvases")
+    parser.add_argument("--only", choices=["pages", "canvases"], help="first pictures want an idle machine")
     parser.add_argument("--work", type=Path, help="keep captures, materials and pages here")
     parser.add_argument("--pictures", type=Path, help="write a screenshot of each page here")
     parser.add_argument("--json", type=Path, help="write the figures here")
@@ -179,14 +187,15 @@ def main() -> None:
                 simulate_capture(folder, object_shape=shape, rows=96, k=12, test_views=3, size=256)
             subjects.append(subject(name, folder, work, resolution))
         subjects.append(subject("igea-merl", args.captures / "igea-merl", work))
-        pages = [page(browser, of, args.pictures) for of in subjects]
-        print(results.table(PAGE_HEAD, [page_cells(r) for r in pages]))
-        found: dict[str, Any] = {"pages": pages, "canvases": []}
-        for of in subjects:
-            if of.name != "large":
-                found["canvases"].append(canvas(browser, of, args.size))
-                results.write(args.json, found)
-    print(results.table(CANVAS_HEAD, [canvas_cells(r) for r in found["canvases"]]))
+        found = before(args.json)
+        if args.only != "canvases":
+            found["pages"] = [page(browser, of, args.pictures) for of in subjects]
+            print(results.table(PAGE_HEAD, [page_cells(r) for r in found["pages"]]))
+            results.write(args.json, found)
+        if args.only != "pages":
+            found["canvases"] = [canvas(browser, of, args.size) for of in subjects if of.name != "large"]
+            print(results.table(CANVAS_HEAD, [canvas_cells(r) for r in found["canvases"]]))
+            results.write(args.json, found)
 
 
 if __name__ == "__main__":
