@@ -14,6 +14,7 @@ from random import Random
 from typing import Any
 
 import folders  # noqa: F401  (puts its mutations on the list)
+import gltfs  # noqa: F401
 import images  # noqa: F401
 import jsons  # noqa: F401
 import meshes  # noqa: F401
