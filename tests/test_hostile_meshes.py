@@ -92,7 +92,7 @@ def test_binary_ply(tmp_path: Path) -> None:
     (tmp_path / "mesh.ply").write_bytes(head + vertices + whole)
     assert len(read_mesh(tmp_path / "mesh.ply").faces) == 2
     for lengths, message in (
-        ((3, 0), "3 and of 0"),
+        ((3, 0), "3 and 0.*truncated"),
         ((-1, 3), "of length -1"),
         ((127, 3), "of length 127"),
         ((4, 3), "room for 1"),
@@ -101,6 +101,19 @@ def test_binary_ply(tmp_path: Path) -> None:
         (tmp_path / "mesh.ply").write_bytes(head + vertices + rows)
         with pytest.raises(InputError, match=message):
             read_mesh(tmp_path / "mesh.ply")
+
+
+def test_binary_ply_of_triangles_and_quads(tmp_path: Path) -> None:
+    """Nothing is wrong with the file, which is not truncated: it must be triangulated."""
+    head = PLY_HEAD.format(kind="binary_little_endian", faces="2", length="uchar").encode()
+    three, four = struct.pack("<Biii", 3, 0, 1, 2), struct.pack("<Biiii", 4, 0, 1, 2, 0)
+    for rows in (three + four, four + three, three * 8 + four):
+        count = 9 if len(rows) > 40 else 2
+        text = head.replace(b"face 2", b"face %d" % count)
+        (tmp_path / "mesh.ply").write_bytes(text + np.eye(3, dtype="<f4").tobytes() + rows)
+        with pytest.raises(InputError, match="Triangulate the mesh") as caught:
+            read_mesh(tmp_path / "mesh.ply")
+        assert "truncated" not in str(caught.value)
 
 
 def test_ply_reads_no_texture(tmp_path: Path) -> None:
