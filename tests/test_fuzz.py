@@ -12,6 +12,8 @@ from typing import Any
 
 import pytest
 
+from swatchwork.errors import InputError
+
 FUZZ = Path(__file__).resolve().parents[1] / "scripts" / "fuzz"
 WORKER = """import json, os, sys, time
 for line in sys.stdin:
@@ -28,9 +30,11 @@ def fuzz() -> Any:
     try:
         import captures
         import case
+        import others
+        import page
         import run
 
-        yield {"captures": captures, "case": case, "run": run}
+        yield {"captures": captures, "case": case, "others": others, "page": page, "run": run}
     finally:
         sys.path.remove(str(FUZZ))
 
@@ -82,6 +86,60 @@ def test_any_other_exception_is_a_finding(
     monkeypatch.setattr(case, "read_capture", lambda _: 1 // 0)
     found = case.run_case(0, bases, tmp_path)
     assert found["outcome"] == "crashed" and "ZeroDivisionError" in found["finding"]
+
+
+def test_bombs_that_a_reader_calls_damaged_are_findings(
+    case: ModuleType, bases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def exhausted(_: Path) -> None:
+        try:
+            raise MemoryError("Unable to allocate 9 GiB")
+        except MemoryError as error:
+            raise InputError("cannot be read", file="a.exr") from error
+
+    monkeypatch.setattr(case, "read_capture", exhausted)
+    found = case.run_case(0, bases, tmp_path)
+    assert found["outcome"] == "refused" and "memory ran out: MemoryError" in found["finding"]
+
+
+VALUES: list[tuple[str, Any, Any, str | None]] = [
+    ("spread/0", 0.1, True, "wrong type"),
+    ("solver/N", 1, True, "wrong type"),
+    ("solver/N", 1, -1, "out of range"),
+    ("solver/noise", 0.1, None, None),
+    ("solver/objective", 0.1, "aaaa", "wrong type"),
+    ("solver/objective", 0.1, 0.2, None),
+    ("solver/photographs/frames/0/misfit", 0.1, -1, None),
+    ("solver/photographs", {"frames": []}, 5, "wrong type"),
+    ("penalties", {"lambda0": 0.1}, {}, "wrong type"),
+    ("penalties/lambda0", 0.1, float("nan"), "non-finite"),
+    ("representatives/0/0/0", 0.1, 1e300, "out of range"),
+    ("trust", None, {}, None),
+    ("trust", None, float("inf"), "non-finite"),
+    ("inputs", {"a": "b"}, {}, None),
+]
+
+
+def test_values_of_a_material_have_classes(fuzz: dict[str, Any]) -> None:
+    for path, old, new, expected in VALUES:
+        assert fuzz["others"].of_a_value(path.split("/"), old, new) == expected, (path, new)
+
+
+def test_files_of_prepare_are_read_as_they_are(fuzz: dict[str, Any], bases: Path, tmp_path: Path) -> None:
+    """Else each case would be refused whatever was done to its file."""
+    for file in sorted((bases / "foreign/files").iterdir()):
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+        fuzz["others"]._read(tmp_path / file.name)
+
+
+def test_outcomes_of_several_mutations_are_nobodys(fuzz: dict[str, Any]) -> None:
+    """One of two may hide that nobody reports the other."""
+    done = [{"violation": v, "kind": "json"} for v in ("twice", "missing", None)]
+    rows = [{"done": [d], "outcome": "refused"} for d in done]
+    rows += [{"done": done[:2], "outcome": "refused"}, {"done": [], "outcome": "crashed"}]
+    page = fuzz["page"]
+    names = [line.split("|")[1].strip() for line in page._table(rows, page._class).splitlines()]
+    assert names[:2] == ["twice", "missing"] and names[2:] == [page.HARMLESS, page.SEVERAL, page.UNKNOWN]
 
 
 def test_hangs_and_dead_processes_are_findings(

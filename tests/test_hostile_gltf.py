@@ -54,6 +54,14 @@ def nodes(*made: dict[str, Any]) -> Callable[[dict[str, Any]], None]:
     return lambda head: head.update(nodes=list(made))
 
 
+def primitive(**values: Any) -> Callable[[dict[str, Any]], None]:
+    return lambda head: head["meshes"][0]["primitives"][0].update(values)
+
+
+def primitives(count: int) -> Callable[[dict[str, Any]], None]:
+    return lambda head: head["meshes"][0].update(primitives=head["meshes"][0]["primitives"] * count)
+
+
 DEEP = [{"children": [i + 1]} for i in range(5000)] + [{"mesh": 0}]
 
 WRONG: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
@@ -81,8 +89,14 @@ WRONG: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
     "nodes 5000 deep": (nodes(*DEEP), "levels deep"),
     "a singular transform": (part("nodes", 0, scale=[0, 1, 1]), "transform"),
     "a transform that is no number": (part("nodes", 0, matrix=[float("nan")] * 16), "mesh.gltf"),
+    "a root twice": (part("scenes", 0, nodes=[0, 0]), "twice in a scene"),
+    "a mesh that is not there": (part("nodes", 0, mesh=1), "a node names mesh 1"),
+    "a position that is not there": (primitive(attributes={"POSITION": 2}), "names accessor 2"),
+    "too many nodes": (nodes(*[{} for _ in range(2**14 + 1)]), "has 16385 nodes"),
+    "too many primitives": (primitives(2**14 + 1), "has 16385 primitives;"),
     "no asset": (lambda head: head.pop("asset"), "asset"),
-    "a list": (lambda head: head.update(accessors={"a": 1}), "malformed"),
+    "an object for a list": (lambda head: head.update(accessors={"a": 1}), "names accessor"),
+    "a list for a number": (lambda head: head.update(meshes=5), "malformed"),
 }
 
 
@@ -122,6 +136,44 @@ def test_pictures_are_not_read(tmp_path: Path) -> None:
     }
     head["meshes"][0]["primitives"][0]["material"] = 0
     assert len(read_mesh(written(tmp_path, head)).faces) == 1
+
+
+def test_instances_are_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nodes that share a mesh, and primitives that share accessors, make much of few bytes."""
+    head = document()
+    nodes(*[{"mesh": 0}] * 20)(head)
+    head["scenes"][0]["nodes"] = list(range(20))
+    assert len(read_mesh(written(tmp_path, head)).faces) == 20
+    # 20 times 3 vertices and 3 corners; 48 bytes of buffers may stand for 96 of them anyway.
+    monkeypatch.setattr("swatchwork.surface.gltf_meshes.MOST_SHARED", 1)
+    with pytest.raises(InputError, match="120 vertices and corners as its nodes place them; expected 96"):
+        read_mesh(written(tmp_path, head))
+    nodes(*[{"mesh": 0}] * 16)(head)
+    head["scenes"][0]["nodes"] = list(range(16))
+    assert len(read_mesh(written(tmp_path, head)).faces) == 16
+    head = document()
+    primitives(17)(head)
+    with pytest.raises(InputError, match="102 vertices and corners in its primitives"):
+        read_mesh(written(tmp_path, head))
+    head = document()
+    primitives(200)(head)
+    nodes(*[{"mesh": 0}] * 100)(head)
+    monkeypatch.setattr("swatchwork.surface.gltf_meshes.MOST_SHARED", 10**6)
+    with pytest.raises(InputError, match="20000 primitives as its nodes place them"):
+        read_mesh(written(tmp_path, head))
+
+
+def test_accessors_that_no_triangle_uses_are_left_alone(tmp_path: Path) -> None:
+    """Morph targets may be sparse, and a mesh have points and lines beside its triangles."""
+    head = document()
+    head["accessors"].insert(0, {"componentType": 5126, "type": "VEC3", "count": 3, "sparse": {"count": 1}})
+    made = head["meshes"][0]["primitives"]
+    made[0] = {"attributes": {"POSITION": 2}, "indices": 1, "targets": [{"POSITION": 0}]}
+    made.append({"attributes": {"POSITION": 0}, "mode": 0})
+    assert len(read_mesh(written(tmp_path, head)).faces) == 1
+    del made[0]
+    with pytest.raises(InputError, match="no faces"):
+        read_mesh(written(tmp_path, head))
 
 
 def glb(text: bytes, binary: bytes, length: int | None = None, sizes: tuple[int, int] | None = None) -> bytes:

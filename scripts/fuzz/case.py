@@ -7,13 +7,14 @@ from __future__ import annotations
 import shutil
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from pathlib import Path
 from random import Random
 from typing import Any
 
 import folders  # noqa: F401  (puts its mutations on the list)
+import gltfs  # noqa: F401
 import images  # noqa: F401
 import jsons  # noqa: F401
 import meshes  # noqa: F401
@@ -30,6 +31,8 @@ from swatchwork.workflow import check_capture, describe
 
 WHOLE = 0.1
 """Share of the captures that are also reconstructed, of those that can be read: a dozen times as dear."""
+NO_MEMORY = ("bad_alloc", "bad allocation", "cannot allocate", "insufficient memory", "out of memory")
+"""What libraries say of it that raise something else."""
 UNSURE = ("json_bits_flipped",)
 """Mutations after which another need not be seen: they may unname its file."""
 
@@ -80,7 +83,9 @@ def _outcome(work: Callable[[], None]) -> tuple[str, str, str | None]:
     try:
         work()
     except SwatchworkError as error:
-        return "refused", str(error), None
+        # A bomb that memory ran out over is no reported one, whatever a reader made of it.
+        full = next((e for e in _chain(error) if _is_out_of_memory(e)), None)
+        return "refused", str(error), full and f"memory ran out: {full!r}"[:400]
     except Exception as error:
         import traceback
 
@@ -88,6 +93,16 @@ def _outcome(work: Callable[[], None]) -> tuple[str, str, str | None]:
         where = f"{Path(at.filename).name}:{at.lineno}"
         return "crashed", str(error), f"{type(error).__name__} at {where}: {error}"[:400]
     return "accepted", "", None
+
+
+def _chain(error: BaseException | None) -> Iterator[BaseException]:
+    while error is not None:
+        yield error
+        error = error.__cause__ or error.__context__
+
+
+def _is_out_of_memory(error: BaseException) -> bool:
+    return isinstance(error, MemoryError) or any(words in str(error).lower() for words in NO_MEMORY)
 
 
 def _read(folder: Path, whole: bool) -> None:

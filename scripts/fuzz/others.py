@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import json
+import math
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -73,14 +74,14 @@ def _read(file: Path) -> None:
         "groups.json": lambda: views_of(photographs_in(photographs), groups=file),
         "exposures.json": lambda: exposures_of(photographs[:2], file),
         "exposures.csv": lambda: exposures_of(photographs[:2], file),
+        "linearize.json": lambda: from_earlier(
+            file,
+            "multipliers",
+            "a linearize.json",
+            lambda d: [float(x) for x in d["white_balance"]["multipliers"]],
+        ),
     }
     readers[file.name]()
-    from_earlier(
-        file,
-        "multipliers",
-        "a linearize.json",
-        lambda d: [float(x) for x in d["white_balance"]["multipliers"]],
-    )
 
 
 def _spoilt(file: Path, kind: str, rng: Random) -> Done:
@@ -88,9 +89,10 @@ def _spoilt(file: Path, kind: str, rng: Random) -> Done:
     content = file.read_bytes()
     if file.suffix == ".json" and rng.random() < 0.6:
         head = json.loads(content)
-        key = _replaced(head, rng)
+        path, old, new = _replaced(head, rng)
         file.write_text(json.dumps(head), encoding="utf-8")
-        return Done("value", kind, None, f"{file.name}: {key}")
+        violation = of_a_value(path, old, new) if file.name == "svbrdf.json" else None
+        return Done("value", kind, violation, f"{file.name}: {'/'.join(path)[:60]} = {str(new)[:20]}")
     if file.suffix == ".xml" and rng.random() < 0.2:
         text = content.decode().replace("?>", "?>" + BOMB, 1).replace("Chunk 1", "&b;")
         file.write_text(text, encoding=(code := rng.choice(("utf-8", "utf-16"))))
@@ -102,7 +104,9 @@ def _spoilt(file: Path, kind: str, rng: Random) -> Done:
     if rng.random() < 0.3:
         cut = rng.randrange(len(content) + 1)
         file.write_bytes(content[:cut])
-        return Done("cut", kind, None, f"{file.name}: the first {cut} bytes")
+        # The rows of a .txt or .csv may end anywhere, and the .exr's last bytes may be padding.
+        sure = file.suffix in (".json", ".xml", ".obj") and cut < len(content.rstrip())
+        return Done("cut", kind, "truncated" if sure else None, f"{file.name}: the first {cut} bytes")
     if file.suffix in (".txt", ".xml", ".obj", ".csv") and content and rng.random() < 0.6:
         words = content.split(b" ")
         at = rng.randrange(len(words))
@@ -115,15 +119,46 @@ def _spoilt(file: Path, kind: str, rng: Random) -> Done:
     return Done("bits", kind, None, f"{file.name}: bits")
 
 
-def _replaced(head: Any, rng: Random) -> str:
-    """One value somewhere in a document becomes another."""
-    at, path = head, ""
+def _replaced(head: Any, rng: Random) -> tuple[list[str], Any, Any]:
+    """One value somewhere in a document becomes another: where, what it was and what it is."""
+    at, path = head, list[str]()
     while True:
         keys: list[Any] = list(at) if isinstance(at, dict) else list(range(len(at)))
         key = rng.choice(keys)
-        path += f"/{key}"
+        path.append(str(key))
         inside = at[key]
         if not isinstance(inside, dict | list) or not inside or rng.random() < 0.4:
             at[key] = value = rng.choice(VALUES)
-            return f"{path[:60]} = {str(value)[:20]}"
+            return path, inside, value
         at = inside
+
+
+NULLABLE = ("trust", "spread", "outliers")
+"""Keys of svbrdf.json that may be null, beside the solver's numbers, since JSON has no NaN."""
+EMPTY = ("representatives", "resolution", "penalties", "basis")
+"""Keys of svbrdf.json whose lists and objects must hold something; elsewhere, nothing may have happened."""
+
+
+def of_a_value(path: list[str], old: Any, new: Any) -> str | None:
+    """The class of violation that another value in svbrdf.json certainly makes; None: it may be harmless."""
+    numbers = isinstance(old, int | float) and not isinstance(old, bool)
+    if new is None:
+        harmless = path[-1] in NULLABLE or old is None or (numbers and path[0] == "solver")
+        return None if harmless else "wrong type"
+    if old is None or (numbers and isinstance(new, int | float) and not isinstance(new, bool)):
+        if isinstance(new, float) and not math.isfinite(new):
+            return "non-finite"
+        if old is None:
+            return None
+        # Coefficients of the error model, and what is said of a photograph, may have either sign.
+        signed = path[0] == "trust" or "photographs" in path
+        if isinstance(new, int | float) and new < 0 and not signed:
+            return "out of range"
+        if path[0] in ("representatives", "basis", "n", "N", "resolution", "mesh") and new > 1e20:
+            return "out of range"
+        return None
+    if type(old) is not type(new):
+        return "wrong type"
+    if isinstance(new, list | dict) and path[0] in EMPTY:
+        return "wrong type"
+    return "wrong type" if isinstance(new, str) and len(new) > 4096 else None

@@ -8,6 +8,7 @@ import math
 import os
 import reprlib
 import unicodedata
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -111,12 +112,16 @@ class Fields:
         return InputError(f'"{key}" is {shown(value)}', file=self.where, expected=expected)
 
 
-def path_within(root: Path, text: str, where: str, key: str, *, above: int = 0) -> Path:
+def path_within(
+    root: Path, text: str, where: str, key: str, *, above: int = 0, links: bool = True, shared: bool = False
+) -> Path:
     """The file that a relative path means, refused where it leaves the folder ``root``.
 
     ``above`` folders up are still allowed: a test set shares its capture's ``../mesh.obj``. A symbolic link
     is followed to where the path could have pointed by itself, and into the folders of `LINKS_INTO`: else a
-    downloaded capture could bring a private file of its user's into a report that is passed on.
+    downloaded capture could bring a private file of its user's into a report that is passed on. With
+    ``shared`` it may also lead into the folder above where that is a capture, as a test set's photographs
+    do. ``links`` False: it is not followed at all, for a file that is named and not read.
 
     Raises:
         InputError: an absolute path, one that leaves the folder by itself or by a link, the folder itself,
@@ -148,10 +153,10 @@ def path_within(root: Path, text: str, where: str, key: str, *, above: int = 0) 
     if relative.split("/")[-1] in (".", ".."):
         raise InputError(f'"{key}" is {shown(text)}, a folder', file=where, expected="a file's name")
     path = root / relative
-    home, real = os.path.realpath(root), os.path.realpath(path)
-    homes = [os.path.dirname(home) if above else home]
-    homes += [os.path.realpath(f) for f in os.environ.get(LINKS_INTO, "").split(os.pathsep) if f]
-    if not any(_lies_in(real, folder) for folder in homes):
+    home = os.path.realpath(root)
+    parent = os.path.dirname(home)
+    up = above or (shared and os.path.isfile(os.path.join(parent, "transforms.json")))
+    if links and (real := leads_outside(path, [parent if up else home])):
         raise InputError(
             f'"{key}" is {shown(text)}, a link that leads outside the capture folder, to {real}',
             file=where,
@@ -159,6 +164,14 @@ def path_within(root: Path, text: str, where: str, key: str, *, above: int = 0) 
             hint=f"Copy the file into the capture folder, or name its folder in {LINKS_INTO} if you trust it",
         )
     return path
+
+
+def leads_outside(path: Path, homes: Sequence[str | os.PathLike[str]]) -> str | None:
+    """What a path means once its links are followed, where that is neither in ``homes`` nor `LINKS_INTO`."""
+    trusted = [f for f in os.environ.get(LINKS_INTO, "").split(os.pathsep) if f]
+    real = os.path.realpath(path)
+    inside = any(_lies_in(real, os.path.realpath(folder)) for folder in (*homes, *trusted))
+    return None if inside else real
 
 
 def is_file(path: Path) -> bool:

@@ -100,7 +100,9 @@ def _frame(
     name = Fields(entry, f"{file} (frame {number})").text("file_path")
     said = name if name.isprintable() and len(name) <= 200 else shown(name)
     fields = Fields(entry, f"{file} (frame {number}, {said})", fallback=common)
-    image_path = _image_path(root, name, fields.where)
+    # What is only named may be a link to anywhere; where the size is missing, the image is read.
+    read = must_exist or not ("w" in fields and "h" in fields)
+    image_path = _image_path(root, name, fields.where, links=read)
     if must_exist and not is_file(image_path):
         raise InputError(
             f'"file_path" is {shown(name)}, and there is no {image_path}',
@@ -222,21 +224,21 @@ def _scene_file(root: Path, text: str, fields: Fields, key: str, must_exist: boo
     return path
 
 
-def _image_path(root: Path, name: str, where: str) -> Path:
+def _image_path(root: Path, name: str, where: str, *, links: bool) -> Path:
     """NeRF-Blender leaves the suffix out: the first image of that name that exists, or else PNG."""
-    path = path_within(root, name, where, "file_path")
+    path = path_within(root, name, where, "file_path", links=links, shared=True)
     if path.suffix.lower() in IMAGE_SUFFIXES or is_file(path):
         return path
     suffixes = (".png", *IMAGE_SUFFIXES)
     found = next((s for s in suffixes if is_file(path.with_name(path.name + s))), suffixes[0])
-    return path_within(root, os.path.normpath(name) + found, where, "file_path")
+    return path_within(root, os.path.normpath(name) + found, where, "file_path", links=links, shared=True)
 
 
 def _mask_path(root: Path, fields: Fields, must_exist: bool) -> Path | None:
     if fields.values.get("mask_path") is None:
         return None
     text = fields.text("mask_path")
-    path = path_within(root, text, fields.where, "mask_path")
+    path = path_within(root, text, fields.where, "mask_path", links=must_exist, shared=True)
     if must_exist and not is_file(path):
         raise InputError(
             f'"mask_path" is {shown(text)}, and there is no {path}',

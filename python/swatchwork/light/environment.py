@@ -13,6 +13,7 @@ import numpy as np
 
 from swatchwork.arrays import F32, F64, Float
 from swatchwork.capture import EnvironmentSource, check_radiance, read_image
+from swatchwork.capture.images import image_size
 from swatchwork.errors import InputError
 from swatchwork.light import sampling
 from swatchwork.light.conventions import check_convention, direction_from_uv, solid_angles, uv_from_direction
@@ -57,7 +58,7 @@ class Environment:
         check_convention(self.convention)
         radiance = np.ascontiguousarray(self.radiance, dtype=np.float32)
         object.__setattr__(self, "radiance", radiance)
-        _check_shape(radiance, self.convention, self.name)
+        _check_shape(radiance.shape, self.convention, self.name)
         part_of_sphere = self.solid_angles > 0
         check_radiance(radiance, part_of_sphere, self.name)
         if not radiance[part_of_sphere].any():
@@ -171,14 +172,17 @@ def read_environment(source: EnvironmentSource) -> Environment:
             expected="an HDR image, .exr or .hdr",
             hint="Lamps and windows are clipped in 8-bit images",
         )
+    # Before the pixels: an EXR file of uniform pixels is short, and may ask for gigabytes.
+    width, height = image_size(source.file)
+    _check_shape((height, width, 3), source.convention, str(source.file))
     radiance = read_image(source.file).linear
     return Environment(radiance, source.convention, source.world_from_environment, name=str(source.file))
 
 
-def _check_shape(radiance: F32, convention: str, name: str) -> None:
-    if radiance.ndim != 3 or radiance.shape[2] != 3:
-        raise InputError(f"an array of shape {list(radiance.shape)}", file=name, expected="[H, W, 3]")
-    height, width = radiance.shape[:2]
+def _check_shape(shape: tuple[int, ...], convention: str, name: str) -> None:
+    if len(shape) != 3 or shape[2] != 3:
+        raise InputError(f"an array of shape {list(shape)}", file=name, expected="[H, W, 3]")
+    height, width = shape[:2]
     square = convention == "debevec-angular"
     if width != (height if square else 2 * height):
         raise InputError(

@@ -16,16 +16,20 @@ from typing import Any
 import numpy as np
 
 from ..capture import exr_in_bands, need_file, read_exr_channels, read_json
+from ..capture.fields import leads_outside
 from ..errors import InputError
 from ..keeping import Array
 from ..whole import set_aside, whole_folder, write_text
 from .maps import maps_in_bands
 from .material import BasisRecord, Material
 from .obj import read_obj, write_obj
+from .record import check_record
 from .trust import ErrorModel
 
 FORMAT = "swatchwork-material"
 SCHEMA_VERSION = 1
+FILES = ("svbrdf.json", "blend.exr", "mesh.obj")
+"""That are read; everything else in the folder is for people and other programs."""
 ROWS = 64
 """Of an image, written at once."""
 READS = 5
@@ -93,26 +97,32 @@ def _read(folder: Path) -> Material:
         raise InputError(
             "no such folder", file=folder, expected="a material folder", hint=hint if aside else None
         )
+    for name in FILES:
+        if real := leads_outside(folder / name, [folder]):
+            raise InputError(
+                f"is a link that leads outside, to {real}",
+                file=folder / name,
+                expected="a file of the folder",
+            )
     head = _read_json(folder / "svbrdf.json")
     try:
+        check_record(head)
         basis = BasisRecord(
-            _text(head["basis"]["name"]),
+            head["basis"]["name"],
             tuple(map(float, head["basis"]["sigmas"])),
             tuple(map(str, head["basis"]["maskings"])),
             tuple(map(str, head["basis"]["diffuse"])),
             tuple(map(int, head["basis"]["fresnel"])),
         )
         representatives = np.array(head["representatives"], dtype=np.float64)
-        n = _whole(head["n"])
-        declared = {"N": _whole(head["N"]), "resolution": [_whole(side) for side in head["resolution"]]}
-        if any(
-            isinstance(v, bool) or not isinstance(v, int | float) for v in dict(head["penalties"]).values()
-        ):
-            raise ValueError("a penalty is no number")
-        penalties, solver, inputs = dict(head["penalties"]), dict(head["solver"]), dict(head["inputs"])
+        n = head["n"]
+        declared = {"N": head["N"], "resolution": head["resolution"]}
+        penalties, solver, inputs = head["penalties"], head["solver"], head["inputs"]
         # Materials of before it was there have none.
-        spread = np.array(head["spread"], dtype=np.float64) if head.get("spread") else None
-        trust = ErrorModel.from_dict(head["trust"], len(representatives)) if head.get("trust") else None
+        spread = np.array(head["spread"], dtype=np.float64) if head.get("spread") is not None else None
+        trust = None
+        if head.get("trust") is not None:
+            trust = ErrorModel.from_dict(head["trust"], len(representatives))
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
         raise InputError(
             f"a part is missing or malformed ({error!r})",
@@ -152,21 +162,17 @@ def _read(folder: Path) -> Material:
     )
     material.check(folder)
     own = {"N": material.N, "resolution": list(material.index.shape[:2])}
+    # Materials of before it was there do not say how large their mesh is.
+    if "mesh" in head:
+        declared["mesh"], own["mesh"] = head["mesh"], _mesh_size(material)
     if declared != own:
         raise InputError(f"says {declared}", file=folder / "svbrdf.json", expected=f"{own}, as its parts are")
     return material
 
 
-def _whole(value: Any) -> int:
-    if isinstance(value, bool) or not isinstance(value, int):
-        raise TypeError(f"{value!r:.40} is no whole number")
-    return value
-
-
-def _text(value: Any) -> str:
-    if not isinstance(value, str):
-        raise TypeError(f"{value!r:.40} is no name")
-    return value
+def _mesh_size(m: Material) -> dict[str, int]:
+    """A mesh that is cut at the end of a line looks whole."""
+    return {"vertices": len(m.vertices), "faces": len(m.faces)}
 
 
 def is_material_folder(folder: str | PathLike[str]) -> bool:
@@ -216,6 +222,7 @@ def _as_json(m: Material) -> str:
         "n": m.n,
         "N": m.N,
         "resolution": list(m.index.shape[:2]),
+        "mesh": _mesh_size(m),
         "representatives": m.representatives.tolist(),
         "penalties": m.penalties,
         "solver": m.solver,
@@ -242,7 +249,7 @@ def _read_json(path: Path) -> dict[str, Any]:
     head = read_json(path, "JSON", "Is it truncated?")
     if not isinstance(head, dict) or head.get("format") != FORMAT:
         raise InputError("is not the head of a material folder", file=path, expected=f'"format": "{FORMAT}"')
-    if head.get("schema_version") != SCHEMA_VERSION:
+    if head.get("schema_version") is True or head.get("schema_version") != SCHEMA_VERSION:
         raise InputError(
             f"has schema version {head.get('schema_version')!r}",
             file=path,

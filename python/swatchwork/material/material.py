@@ -15,6 +15,9 @@ from ..arrays import F32, F64, I32, U8, U32, Bool
 from ..errors import InputError
 from .trust import ErrorModel
 
+MOST_WEIGHT = 1e20
+"""Of a kernel in a representative; beyond, its responses would leave 32 bits."""
+
 MOST_SIGMA, MOST_POWER = 100.0, 100
 """Of a basis; what is used ends at a sigma of 1 and the power 5."""
 
@@ -108,9 +111,12 @@ class Material:
         """Raise InputError, naming ``file``, where the parts disagree or break a constraint of Eq. 3 or 7."""
         _check_shapes(self, file)
         _check_numbers(self, file)
-        if not (np.isfinite(self.representatives).all() and (self.representatives >= 0).all()):
+        sound = (self.representatives >= 0) & (self.representatives <= MOST_WEIGHT)
+        if not sound.all():
             raise InputError(
-                "a representative has a negative or non-finite weight", file=file, expected="0 or more"
+                f"a representative has the weight {self.representatives[~sound][0]:g}",
+                file=file,
+                expected=f"0 to {MOST_WEIGHT:g}",
             )
         for row, (here, index, weight) in enumerate(zip(self.on_atlas, self.index, self.weight, strict=True)):
             # Off the atlas the blend is padding for filters, or nothing at all; still it must name something.

@@ -16,11 +16,9 @@ from typing import Any
 from urllib.parse import unquote
 
 from swatchwork.capture import MOST_MESH_BYTES, need_file, parsed_json, path_within, shown
-from swatchwork.capture.guarding import MOST_ELEMENTS
 from swatchwork.errors import InputError
+from swatchwork.surface.gltf_meshes import is_count, reduced_meshes
 
-_BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
-_NUMBERS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 _KEPT = ("asset", "scene", "scenes", "nodes", "meshes", "accessors", "bufferViews", "cameras")
 _WHOLE = "a whole glTF 2.0 file"
 
@@ -45,8 +43,8 @@ def read_gltf(path: Path) -> tuple[dict[str, Any], list[bytes]]:
         buffers = [_buffer(path, i, b, binary) for i, b in enumerate(found.get("buffers", []))]
         head["buffers"] = [{"uri": str(i), "byteLength": len(b)} for i, b in enumerate(buffers)]
         _check_views(path, head, buffers)
-        _check_accessors(path, head)
         _check_tree(path, head.get("nodes", []), head.get("scenes", []))
+        head["meshes"], head["accessors"] = reduced_meshes(path, head, sum(map(len, buffers)))
     except (AttributeError, IndexError, KeyError, TypeError) as error:
         raise InputError(f"a part is missing or malformed ({error!r})", file=path, expected=_WHOLE) from error
     return head, buffers
@@ -109,7 +107,7 @@ def _buffer(path: Path, number: int, buffer: dict[str, Any], binary: bytes | Non
         need_file(file, f"buffer {number} of {path.name}", most=MOST_MESH_BYTES)
         found = file.read_bytes()
     declared = buffer["byteLength"]
-    if not _is_count(declared) or declared > len(found):
+    if not is_count(declared) or declared > len(found):
         raise InputError(
             f"buffer {number} declares {shown(declared)} bytes",
             file=path,
@@ -122,40 +120,18 @@ def _buffer(path: Path, number: int, buffer: dict[str, Any], binary: bytes | Non
 def _check_views(path: Path, head: dict[str, Any], buffers: list[bytes]) -> None:
     for number, view in enumerate(head.get("bufferViews", [])):
         start, size, of = view.get("byteOffset", 0), view["byteLength"], view["buffer"]
-        sound = all(map(_is_count, (start, size, of))) and of < len(buffers)
+        sound = all(map(is_count, (start, size, of))) and of < len(buffers)
         if not sound or start + size > len(buffers[of]):
             raise InputError(
                 f"bufferView {number} is bytes {shown(start)} to + {shown(size)} of buffer {shown(of)}",
                 file=path,
                 expected="a part of one of its buffers",
             )
-        if "byteStride" in view and not (_is_count(view["byteStride"]) and 1 <= view["byteStride"] <= 252):
+        if "byteStride" in view and not (is_count(view["byteStride"]) and 1 <= view["byteStride"] <= 252):
             raise InputError(
                 f"bufferView {number} has byteStride {shown(view['byteStride'])}",
                 file=path,
                 expected="4 to 252",
-            )
-
-
-def _check_accessors(path: Path, head: dict[str, Any]) -> None:
-    views = head.get("bufferViews", [])
-    for number, accessor in enumerate(head.get("accessors", [])):
-        count, start, of = accessor["count"], accessor.get("byteOffset", 0), accessor.get("bufferView")
-        row = _BYTES[accessor["componentType"]] * _NUMBERS[accessor["type"]]
-        if "sparse" in accessor:
-            raise InputError(f"accessor {number} is sparse", file=path, expected="plain accessors")
-        if of is None or not all(map(_is_count, (count, start, of))) or not 1 <= count <= MOST_ELEMENTS:
-            raise InputError(
-                f"accessor {number} has {shown(count)} elements at {shown(start)} of view {shown(of)}",
-                file=path,
-                expected="numbers in a bufferView (Draco-compressed meshes must be decompressed first)",
-            )
-        view = views[of]
-        if start + (count - 1) * view.get("byteStride", row) + row > view["byteLength"]:
-            raise InputError(
-                f"accessor {number} of {count} elements ends beyond its bufferView",
-                file=path,
-                expected=f"what {view['byteLength']} bytes hold",
             )
 
 
@@ -164,7 +140,7 @@ def _check_tree(path: Path, nodes: list[Any], scenes: list[Any]) -> None:
     above: dict[int, int] = {}
     for number, node in enumerate(nodes):
         for child in node.get("children", []):
-            if not _is_count(child) or child >= len(nodes) or child in above:
+            if not is_count(child) or child >= len(nodes) or child in above:
                 raise InputError(
                     f"node {shown(child)} is missing, or below two others",
                     file=path,
@@ -180,14 +156,16 @@ def _check_tree(path: Path, nodes: list[Any], scenes: list[Any]) -> None:
         if steps > DEEPEST:
             raise InputError(f"node {child} is {steps} levels deep", file=path, expected=f"{DEEPEST} at most")
     for scene in scenes:
+        seen: set[int] = set()
         for root in scene.get("nodes", []):
-            if not _is_count(root) or root >= len(nodes) or root in above:
-                raise InputError(f"node {shown(root)} is no root", file=path, expected="a tree of nodes")
+            if not is_count(root) or root >= len(nodes) or root in above or root in seen:
+                raise InputError(
+                    f"node {shown(root)} is no root, or twice in a scene",
+                    file=path,
+                    expected="a tree of nodes",
+                )
+            seen.add(root)
 
 
 DEEPEST = 256
 """Levels of nodes; exporters of scans write one to three."""
-
-
-def _is_count(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and value >= 0

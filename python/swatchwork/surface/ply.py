@@ -17,6 +17,8 @@ from swatchwork.capture.guarding import MOST_ELEMENTS
 from swatchwork.errors import InputError
 
 MOST_HEADER_BYTES = 1 << 16
+MOST_CORNERS = 64
+"""Of a polygon that somebody means; a longer one is taken for damage."""
 _TYPES = {"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4"}
 _TYPES |= {"float": "f4", "double": "f8", "float16": "f2", "float32": "f4", "float64": "f8"}
 _TYPES |= {f"{kind}{8 * size}": f"{kind[0]}{size}" for kind in ("int", "uint") for size in (1, 2, 4, 8)}
@@ -97,33 +99,52 @@ def _check_text(path: Path, elements: list[_Element], body: bytes) -> None:
 
 def _check_binary(path: Path, elements: list[_Element], body: memoryview, order: str) -> None:
     at = 0
-    for element in filter(lambda e: e.count, elements):
+    # An element without properties has no bytes.
+    for element in filter(lambda e: e.count and e.properties, elements):
         columns: list[tuple[str, str] | tuple[str, str, tuple[int]]] = []
-        counts: dict[str, int] = {}
+        counts, offsets, kinds = dict[str, int](), dict[str, int](), dict[str, str]()
         for i, (length_kind, kind) in enumerate(element.properties):
             if length_kind is not None:
-                size = np.dtype(columns).itemsize if columns else 0
-                first = bytes(body[at + size : at + size + int(length_kind[1])])
-                length = int.from_bytes(
-                    first, "little" if order == "<" else "big", signed=length_kind[0] == "i"
-                )
+                name, size = f"n{i}", np.dtype(columns).itemsize if columns else 0
+                kinds[name], offsets[name] = length_kind, size
+                length = _whole(body, at + size, order + length_kind)
                 if not 1 <= length <= len(body):
                     raise _broken(path, f"a list of the element {element.name!r} is of length {length}")
-                counts[f"n{i}"] = length
-                columns += [(f"n{i}", order + length_kind), (f"v{i}", order + kind, (length,))]
+                counts[name] = length
+                columns += [(name, order + length_kind), (f"v{i}", order + kind, (length,))]
             else:
                 columns.append((f"v{i}", order + kind))
         row = np.dtype(columns)
-        if element.count * row.itemsize > len(body) - at:
-            raise _too_few(path, element, (len(body) - at) // max(1, row.itemsize))
-        table = np.frombuffer(body, row, element.count, at)
+        room = min(element.count, (len(body) - at) // row.itemsize)
         for name, length in counts.items():
-            if (table[name] != length).any():
-                other = int(table[name][np.argmax(table[name] != length)])
-                raise _broken(
-                    path, f"lists of the element {element.name!r} are of length {length} and of {other}"
-                )
+            found = np.frombuffer(body, row, room, at)[name] if room else np.zeros(0)
+            if (found != length).any():
+                raise _mixed(path, element, length, int(found[np.argmax(found != length)]))
+            # A polygon of fewer corners may be all that is left.
+            rest = at + room * row.itemsize + offsets[name]
+            other = _whole(body, rest, order + kinds[name])
+            if room < element.count and other != length and 3 <= other <= MOST_CORNERS:
+                raise _mixed(path, element, length, other)
+        if room < element.count:
+            raise _too_few(path, element, room)
         at += element.count * row.itemsize
+
+
+def _whole(body: memoryview, at: int, kind: str) -> int:
+    """The integer of a type at a place; of what is left, where the file ends before."""
+    content = bytes(body[at : at + int(kind[2])])
+    return int.from_bytes(content, "little" if kind[0] == "<" else "big", signed=kind[1] == "i")
+
+
+def _mixed(path: Path, element: _Element, length: int, other: int) -> InputError:
+    """Rows of several lengths: polygons of several kinds, or numbers that are none."""
+    sound = 1 <= other <= MOST_CORNERS and length <= MOST_CORNERS
+    return InputError(
+        f"cannot be read as PLY (lists of the element {element.name!r} are of length {length} and {other})",
+        file=path,
+        expected="polygons of one number of corners" if sound else "a whole PLY file of triangles",
+        hint="Triangulate the mesh" if sound else "Is it truncated?",
+    )
 
 
 def _too_few(path: Path, element: _Element, found: int) -> InputError:

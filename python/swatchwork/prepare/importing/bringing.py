@@ -21,7 +21,7 @@ from swatchwork.prepare.importing import (
     stanford_orb,
 )
 from swatchwork.prepare.importing.copying import Lights, bring_mesh, bring_photograph
-from swatchwork.prepare.importing.found import Layout, Request, Shot
+from swatchwork.prepare.importing.found import Layout, Request, Shot, check_links
 from swatchwork.progress import SILENT, Progress
 from swatchwork.surface import read_mesh
 from swatchwork.whole import whole_folder
@@ -114,6 +114,7 @@ def import_capture(
         environment is not None,
     )
     found = chosen.read(request)
+    check_links(found, request)
     if not found.shots:
         raise InputError("has no photograph with a camera", file=source, expected="at least one")
     shape = Path(mesh) if mesh is not None else found.mesh

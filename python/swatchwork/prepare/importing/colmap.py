@@ -90,7 +90,7 @@ def read(request: Request) -> Found:
         name = path.relative_to(folder).as_posix()
         mask = mask_for(request.masks, name)
         shots.append(Shot(name, path, _camera(image, model), mask))
-    return Found(tuple(shots), skipped=tuple(skipped))
+    return Found(tuple(shots), skipped=tuple(skipped), beside=(folder.parent,))
 
 
 def _reconstruction(model: Path) -> Any:

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 
 from swatchwork.arrays import F32, F64, Bool, Float
 from swatchwork.capture import IMAGE_SUFFIXES, Camera, EnvironmentSource, need_file, rigid
-from swatchwork.capture.fields import path_within
+from swatchwork.capture.fields import LINKS_INTO, leads_outside, path_within
 from swatchwork.errors import InputError
 
 GL_FROM_CV = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -72,6 +73,30 @@ class Found:
     skipped: tuple[str, ...] = ()
     normals_suspect: bool = False
     """The layout is known for meshes whose normals are not those of their triangles."""
+    beside: tuple[Path, ...] = ()
+    """Folders of the layout outside the source, which its files may lie in."""
+
+
+def check_links(found: Found, request: Request) -> None:
+    """Every file that is copied lies in the source, or in a folder that the user named, links followed.
+
+    Raises:
+        InputError: naming the file, and where it leads.
+    """
+    source = request.source
+    named = [folder for folder in (request.images, request.masks) if folder is not None]
+    homes = [source if source.is_dir() else source.parent, *found.beside, *named]
+    lights = [found.environment, *(shot.environment for shot in found.shots)]
+    files = [found.mesh, *(light.file for light in lights if light is not None)]
+    for file in (*files, *(file for shot in found.shots for file in (shot.image, shot.mask))):
+        if file is not None and (real := leads_outside(file, homes)):
+            raise InputError(
+                f"is a link that leads outside the project, to {real}",
+                file=file,
+                expected=f"a file within {homes[0]}",
+                hint="Copy the file there, name the folder with --images or --masks, or in "
+                f"{LINKS_INTO} if you trust it",
+            )
 
 
 @dataclass(frozen=True)
@@ -113,8 +138,8 @@ def image_named(folder: Path, name: str, where: str | Path) -> Path:
             )
         return path
     for suffix in (*IMAGE_SUFFIXES, *(s.upper() for s in IMAGE_SUFFIXES)):
-        if (candidate := path.with_name(path.name + suffix)).is_file():
-            return candidate
+        if path.with_name(path.name + suffix).is_file():
+            return path_within(folder, os.path.normpath(name) + suffix, str(where), "image")
     raise InputError(
         f"names the photograph {name!r}, and there is no {path}",
         file=where,

@@ -89,7 +89,7 @@ def read(request: Request) -> Found:
             light = EnvironmentSource(probe, "mitsuba", turn)
         shots.append(replace(shot, mask=mask, environment=light))
     mesh = truth / "mesh_blender" / "mesh.obj"
-    return Found(tuple(shots), mesh if mesh.is_file() else None, normals_suspect=True)
+    return Found(tuple(shots), mesh if mesh.is_file() else None, normals_suspect=True, beside=(truth,))
 
 
 LAYOUT = Layout("stanford-orb", matches, read)
