@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Swatchwork contributors
 # SPDX-License-Identifier: MIT
-"""Every fault in turn on the real command line; what was found goes to docs/reliability.md.
+"""Every fault in turn on the command line, forked; what was found goes to docs/reliability.md.
 
     python scripts/faults/run.py --json target/faults/faults.json --page docs/reliability.md
     python scripts/faults/run.py --only kills --kills 5
