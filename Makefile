@@ -95,7 +95,7 @@ validate: setup ## measure exactness, blends, captures, photographs (hours); wri
 	$(BIN)/python scripts/measure/exports.py --captures $(CAPTURES) --json $(FIGURES)/exports.json
 	$(BIN)/python scripts/measure/page.py --figures $(FIGURES) --page docs/validation.md
 
-# Finished faults are kept in target/faults; `rm -r` it to begin anew.
+# Finished faults are kept in target/faults, by a digest of the code; `rm -r` it to begin anew.
 faults: setup ## kill, stop, fill the disk, damage checkpoints (an hour); write docs/reliability.md
 	$(BIN)/python scripts/faults/run.py --json target/faults/faults.json --page docs/reliability.md
 

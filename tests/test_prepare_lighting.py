@@ -5,7 +5,10 @@
 from __future__ import annotations
 
 import json
+import sys
 from dataclasses import replace
+from hashlib import sha256
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,6 +27,9 @@ from swatchwork.errors import InputError, OutputError
 from swatchwork.simulate import shape
 from swatchwork.surface import write_mesh_obj
 from swatchwork.workflow.lighting import light_capture
+
+sys.path.append(str(Path(__file__).resolve().parents[1] / "scripts" / "faults"))
+from stepping import fresh_copy, stepped
 
 
 @pytest.fixture
@@ -63,7 +69,51 @@ def test_a_better_probe_replaces_the_first(unlit, probe, tmp_path):
     light_capture(unlit, replace(probe, file=tmp_path / "better.exr", convention="mitsuba"))
     lit = read_capture(unlit)
     assert lit.environment is not None and lit.environment.convention == "mitsuba"
-    assert (unlit / "env.exr").read_bytes() == (tmp_path / "better.exr").read_bytes()
+    better = (tmp_path / "better.exr").read_bytes()
+    assert lit.environment.file.name == f"env-{sha256(better).hexdigest()[:8]}.exr"
+    assert lit.environment.file.read_bytes() == better
+    assert (unlit / "env.exr").read_bytes() == probe.file.read_bytes()
+    # And back again, under the first one's name; each as often as one likes.
+    for _ in range(2):
+        light_capture(unlit, probe)
+        assert read_capture(unlit).environment.file == unlit / "env.exr"
+    assert len(list(unlit.glob("env*"))) == 2
+
+
+@pytest.mark.parametrize("lit", [False, True])
+def test_killed_at_any_step_light_and_convention_belong_together(unlit, probe, tmp_path, lit):
+    work = tmp_path / "work"
+    if lit:
+        light_capture(unlit, probe)
+    write_exr(tmp_path / "better.exr", np.full((8, 16, 3), 3.0, np.float32))
+    better = replace(probe, file=tmp_path / "better.exr", convention="mitsuba")
+    pairs = {probe.file.read_bytes(): "blender", better.file.read_bytes(): "mitsuba"}
+    seen = set()
+
+    def action():
+        light_capture(work, better)
+        return 0
+
+    for ended in stepped(action, lambda: fresh_copy(unlit, work), work, "kill"):
+        light = json.loads(ended.files["transforms.json"]).get("environment")
+        assert light is None or pairs[ended.files[light["file"]]] == light["convention"], ended.step
+        seen.add(light and light["convention"])
+    assert len(seen) == 2 or ended.step > 2
+    # The same command goes on from where it was killed before the photographs' file.
+    fresh_copy(unlit, work)
+    name = f"env-{sha256(better.file.read_bytes()).hexdigest()[:8]}.exr" if lit else "env.exr"
+    (work / name).write_bytes(better.file.read_bytes())
+    light_capture(work, better)
+    assert read_capture(work).environment.file.name == name
+
+
+def test_a_name_by_content_with_other_content_is_not_overwritten(unlit, probe):
+    (unlit / "env.exr").write_bytes(b"somebody's own")
+    name = f"env-{sha256(probe.file.read_bytes()).hexdigest()[:8]}.exr"
+    (unlit / name).write_bytes(b"changed")
+    with pytest.raises(InputError, match="is there already with other content than its name says"):
+        light_capture(unlit, probe)
+    assert (unlit / name).read_bytes() == b"changed"
 
 
 def test_another_light_is_not_overwritten(unlit, probe):
@@ -87,8 +137,8 @@ def test_a_damaged_probe_leaves_the_capture_as_it_was(unlit, probe, tmp_path):
 
 def test_a_file_that_is_not_the_light_is_not_overwritten(unlit, probe):
     (unlit / "env.exr").write_bytes(b"somebody's own")
-    with pytest.raises(InputError, match=r"env\.exr: is there already, and is not the capture's light"):
-        light_capture(unlit, probe)
+    light_capture(unlit, probe)
+    assert read_capture(unlit).environment.file.read_bytes() == probe.file.read_bytes()
     assert (unlit / "env.exr").read_bytes() == b"somebody's own"
 
 
@@ -115,10 +165,6 @@ def test_the_capture_is_read_before_the_work(unlit, probe, tmp_path, capsys):
     command += ["--pose", f"{unlit / 'transforms.json'}#a", "--capture"]
     assert main([*command, str(tmp_path / "none")]) == 2
     assert "none" in capsys.readouterr().err
-    (unlit / "env.exr").write_bytes(b"somebody's own")
-    assert main([*command, str(unlit)]) == 2
-    assert "is not the capture's light" in capsys.readouterr().err
-    (unlit / "env.exr").unlink()
     file = light_capture(unlit, probe)
     file.write_text(file.read_text().replace("env.exr", "mine.exr"))
     assert main([*command, str(unlit)]) == 2

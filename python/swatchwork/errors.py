@@ -4,7 +4,19 @@
 
 from __future__ import annotations
 
+import errno
 from os import PathLike
+
+OUT_OF_MEMORY_SIGNS = (
+    "can't start new thread",
+    "cannot allocate memory",
+    "failed to map segment",
+    "insufficient memory",
+    "bad_alloc",
+    "unable to allocate memory",
+    "not enough memory",
+)
+"""Of memory that could not be had, as libraries word it."""
 
 
 class SwatchworkError(Exception):
@@ -46,3 +58,18 @@ class OutputError(SwatchworkError):
 
 class CaptureWarning(UserWarning):
     """Legal but suspicious input; the report repeats it in words."""
+
+
+def is_out_of_memory(error: BaseException) -> bool:
+    """Whether an error, or what it came from, is of memory that could not be had.
+
+    Whoever turns any error of a library into an InputError lets these through: the file is not to blame.
+    """
+    seen: BaseException | None = error
+    while seen is not None:
+        if isinstance(seen, MemoryError) or (isinstance(seen, OSError) and seen.errno == errno.ENOMEM):
+            return True
+        if any(sign in str(seen).lower() for sign in OUT_OF_MEMORY_SIGNS):
+            return True
+        seen = seen.__cause__
+    return False

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import shared
-from shared import results
+from shared import Row, results
 
 sys.path.append(str(shared.HERE.parent))
 import reliability
@@ -23,14 +23,12 @@ def write(file: Path, found: dict[str, Any]) -> None:
     for figures in found.values():
         lines += [
             f"| {row['fault']} | {row['times']} | {' '.join(row['found'].split())} "
-            f"| {'holds' if row['holds'] else '**fails**'} | {figures['commit']} |"
+            f"| {Row(**row).verdict} | {figures['commit']} |"
             for row in figures["rows"]
         ]
     head = (
-        "## Faults\n\nMade by `make faults` (`"
-        + results.command()
-        + "`), each on the real command line in a "
+        f"## Faults\n\nMade by `make faults` (`{results.command()}`), each by the command line in a process of "
+        "its own, forked from one that has imported the package; one alone: `python scripts/faults/run.py "
+        f"--only NAME`, where NAME is {', '.join(f'`{name}`' for name in found)}."
     )
-    head += "process of its own; one alone: `python scripts/faults/run.py --only NAME`, where NAME is "
-    head += ", ".join(f"`{name}`" for name in found) + "."
     reliability.put(file, "faults", "\n".join([head, "", *lines, "", NOTES.strip()]))

@@ -17,7 +17,7 @@ import OpenEXR
 
 from swatchwork.arrays import Float
 from swatchwork.capture.guarding import MOST_IMAGE_BYTES, MOST_PIXELS, check_size, need_file
-from swatchwork.errors import InputError, OutputError
+from swatchwork.errors import InputError, OutputError, is_out_of_memory
 
 _PIXEL_TYPES = {
     "float16": Imath.PixelType.HALF,
@@ -172,16 +172,22 @@ def write_exr(path: Path, pixels: Float, *, half: bool = False) -> None:
 def _opened(path: Path, *, header_only: bool) -> Iterator[Any]:
     """An open file; whatever the library finds wrong, on opening or later, becomes an InputError."""
     need_file(path, "an EXR image", most=MOST_IMAGE_BYTES)
+    printed = StringIO()
     try:
         # The library prints what it finds wrong with a file, before it raises.
         with (
-            redirect_stdout(StringIO()),
+            redirect_stdout(printed),
             OpenEXR.File(str(path), separate_channels=True, header_only=header_only) as file,
         ):
             yield file
     except InputError:
         raise
     except Exception as error:
+        if is_out_of_memory(error):
+            raise
+        # It prints and forgets this one, too, and has a file without parts then.
+        if "MemoryError" in printed.getvalue().replace(str(path), ""):
+            raise MemoryError(str(path)) from error
         # A truncated file opens without its parts, and fails at the first question asked of it.
         reason = str(error).replace(str(path), "").strip(" :\n") or "no reason given"
         raise InputError(

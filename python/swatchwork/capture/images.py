@@ -18,7 +18,7 @@ from PIL import Image as Pillow
 from swatchwork.arrays import F32, U8, Bool, Float
 from swatchwork.capture.exr import exr_size, read_exr_channels
 from swatchwork.capture.guarding import MOST_IMAGE_BYTES, check_size, need_file
-from swatchwork.errors import InputError, OutputError
+from swatchwork.errors import InputError, OutputError, is_out_of_memory
 
 LINEAR_SUFFIXES = (".exr", ".hdr")
 SRGB_SUFFIXES = (".png", ".jpg", ".jpeg")
@@ -30,6 +30,9 @@ JPEG takes 6 bits or more for 256 pixels of one colour."""
 
 MOST_HEADER_BYTES = 1 << 16
 """Of a .hdr file, before its pixels."""
+
+MOST_PIXEL_BYTES = 12
+"""Of what OpenCV decodes: three floats, for .hdr."""
 
 Coded = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 
@@ -91,6 +94,8 @@ def read_coded(path: Path) -> Coded:
             # Pillow checks that the file is whole, but cannot give 16-bit colour: OpenCV can.
             picture.verify()
     except Exception as error:
+        if is_out_of_memory(error):
+            raise
         raise _damaged(path, str(error)) from error
     pixels = _decoded(path)
     if pixels.ndim == 2:
@@ -120,6 +125,8 @@ def image_size(path: Path) -> tuple[int, int]:
             ):
                 width, height = (int(side) for side in picture.size)
         except Exception as error:
+            if is_out_of_memory(error):
+                raise
             raise _damaged(path, str(error)) from error
     check_size(path, width, height, file_bytes=length, most_a_byte=PIXELS_A_BYTE.get(suffix, np.inf))
     return width, height
@@ -200,16 +207,20 @@ def _colour_layer(path: Path, names: list[str]) -> str:
 
 def _decoded(path: Path) -> npt.NDArray[np.uint8]:
     """OpenCV's reading of a file, channels in its order (BGR); one that it reports damaged is refused."""
-    image_size(path)
+    width, height = image_size(path)
     level = logging.getLogLevel()
     logging.setLogLevel(0)
     try:
         pixels = cv2.imdecode(np.fromfile(path, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error as error:
+        if is_out_of_memory(error):
+            raise
         raise _damaged(path, str(error).strip()) from error
     finally:
         logging.setLogLevel(level)
     if pixels is None:
+        # It says no more where memory was refused: ask for as much, which raises MemoryError then.
+        np.empty((height, width, MOST_PIXEL_BYTES), dtype=np.uint8)
         raise _damaged(path, "the pixels could not be decoded")
     return pixels  # type: ignore[no-any-return]
 

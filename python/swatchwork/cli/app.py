@@ -15,7 +15,7 @@ from typing import Annotated
 import typer
 import typer.main
 
-from ..errors import SwatchworkError
+from ..errors import SwatchworkError, is_out_of_memory
 from . import prepare
 from .analyze import analyze
 from .check import check
@@ -24,7 +24,7 @@ from .demo import demo
 from .evaluate import evaluate
 from .export import export
 from .info import info
-from .memory import OUT_OF_MEMORY, is_out_of_memory
+from .memory import OUT_OF_MEMORY
 from .plan import plan
 from .reconstruct import reconstruct
 from .relight import relight

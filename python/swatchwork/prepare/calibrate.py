@@ -19,7 +19,7 @@ import numpy as np
 
 from ..arrays import F64, Bool
 from ..capture import Camera
-from ..errors import CaptureWarning, InputError
+from ..errors import CaptureWarning, InputError, is_out_of_memory
 from ..progress import SILENT, Progress
 from .boards import Board, Checkerboard, Sighting, find_board, read_gray
 
@@ -120,6 +120,8 @@ def fit(
             points, corners, size, None, None, flags=cv2.CALIB_FIX_K3
         )
     except cv2.error as error:
+        if is_out_of_memory(error):
+            raise
         raise _undetermined(str(error).strip().splitlines()[-1]) from error
     turned = _turned(turns)
     if turned < PARALLEL_DEGREES:

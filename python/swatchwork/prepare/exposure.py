@@ -17,7 +17,7 @@ from PIL import Image as Pillow
 
 from ..capture import need_file, parsed_json
 from ..capture.guarding import MOST_JSON_BYTES
-from ..errors import InputError
+from ..errors import InputError, is_out_of_memory
 from .raw import RAW_SUFFIXES, raw_exposure
 
 _EXIF_FOLDER, _TIME, _APERTURE, _ISO = 0x8769, 33434, 33437, 34855
@@ -88,6 +88,8 @@ def _from_file(file: Path) -> dict[str, float]:
             with Pillow.open(file, formats=("JPEG", "PNG")) as picture:
                 exif = picture.getexif().get_ifd(_EXIF_FOLDER)
         except Exception as error:
+            if is_out_of_memory(error):
+                raise
             raise InputError(
                 f"cannot be read as an image ({error})", file=file, expected="a complete image file"
             ) from error

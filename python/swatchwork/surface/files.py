@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from swatchwork.capture import MOST_MESH_BYTES, need_file
-from swatchwork.errors import InputError
+from swatchwork.errors import InputError, is_out_of_memory
 from swatchwork.surface.gltf import buffer_files, read_gltf
 from swatchwork.surface.mesh import Mesh, mesh_from_arrays
 from swatchwork.surface.obj import read_obj
@@ -79,6 +79,8 @@ def _load(path: Path) -> list[tuple[Any, Any]]:
     try:
         loaded = trimesh.load(io.BytesIO(content), file_type=kind, resolver=resolver, process=False)
     except Exception as error:  # trimesh raises whatever its parsers trip over
+        if is_out_of_memory(error):
+            raise
         raise InputError(
             f"cannot be read as a mesh ({type(error).__name__}: {error})",
             file=path,

@@ -8,7 +8,7 @@ import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,10 @@ OFFSET = 1e-5
 # Below this cosine a texel counts as unseen (design 2).
 GRAZING = 0.03
 CHUNK = 1 << 16
+BYTES_A_THREAD = 72 << 20
+"""Of address space that Embree takes when its threads begin: a stack of 8 MB and a heap of 64 MB."""
+BYTES_A_FACE = 500
+"""Of Embree's tree, while it is built; generous."""
 LOWEST_COSINE = 0.02
 """Interpolated normals that turn away from a viewer who sees the surface are bent back to this n.o."""
 
@@ -55,6 +59,8 @@ class RayScene:
             raise InputError("a scene needs the object's mesh")
         self.meshes = tuple(meshes)
         self.centre, self.radius = meshes[0].bounds
+        _need_memory(BYTES_A_FACE * sum(len(mesh.faces) for mesh in meshes))
+        _need_threads()
         self._scene = EmbreeScene(robust=True)
         for mesh in meshes:
             TriangleMesh(
@@ -185,3 +191,14 @@ def facing(normal: F64, to_viewer: F64) -> F64:
     along = unit(normal - cosine * to_viewer)
     bent = LOWEST_COSINE * to_viewer + np.sqrt(1 - LOWEST_COSINE**2) * along
     return np.where(cosine < LOWEST_COSINE, bent, normal)
+
+
+def _need_memory(count: int) -> None:
+    """Raise MemoryError where so many bytes cannot be had: Embree does not ask, and crashes without them."""
+    np.empty(count, dtype=np.uint8)
+
+
+@cache
+def _need_threads() -> None:
+    """As `_need_memory`, for what begins with a process's first scene."""
+    _need_memory(BYTES_A_THREAD * (os.cpu_count() or 1))

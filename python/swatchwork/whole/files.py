@@ -21,12 +21,16 @@ def whole_file(path: str | PathLike[str]) -> Iterator[Path]:
     ``path``'s folder is made if need be; of a symbolic link, what it points at is replaced.
 
     Raises:
-        OutputError: the disk is full, or the place cannot be written; what was there is intact.
+        OutputError: the disk is full, the place cannot be written, or it is a device; what was there is
+            intact.
     """
     asked, path, made = path, place_of(path), None
     try:
         if path.is_dir():
             raise OutputError("it is a folder")
+        if path.exists() and not path.is_file():
+            # Root may rename over a device, which would then be a file to every other program.
+            raise OutputError("it is a device, a pipe or a socket, and no file")
         with sibling(path, folder=False) as made:
             yield made
             sync(made)

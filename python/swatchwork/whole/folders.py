@@ -7,16 +7,19 @@ from __future__ import annotations
 import errno
 import shutil
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
 
 from ..errors import InputError, OutputError
 from .exchange import exchange
-from .siblings import REPLACED, UNFINISHED, named, place_of, reason_of, sibling, sync
+from .siblings import REPLACED, UNFINISHED, is_live, named, place_of, reason_of, sibling, sync
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG)
 """A disk, a quota, a disk that is read-only, or the largest file that the shell allows."""
+
+TAKEN = (errno.ENOENT, errno.ENOTEMPTY, errno.EEXIST)
+"""What a rename says where another process was faster."""
 
 TRIES = 100
 """Of taking a name that other processes take at the same time."""
@@ -43,7 +46,7 @@ def whole_folder(
     fresh: Path | None = None
     in_block = False
     try:
-        put_back(folder)
+        put_back(folder, replaceable)
         _check_free(folder, replaceable, what)
         with sibling(folder, folder=True) as fresh:
             in_block = True
@@ -51,9 +54,7 @@ def whole_folder(
             in_block = False
             for path in [*sorted(fresh.rglob("*")), fresh]:
                 sync(path)
-            # It may have come to be what it was not when this one began.
-            _check_free(folder, replaceable, what)
-            _swap(fresh, folder)
+            _swap(fresh, folder, lambda: _check_free(folder, replaceable, what))
     except (OSError, OutputError) as error:
         if in_block and fresh is not None and not is_of_writing(error, fresh):
             raise
@@ -70,16 +71,23 @@ def set_aside(folder: Path) -> Path | None:
     return None if folder.exists() else next(iter(named(folder, REPLACED)), None)
 
 
-def put_back(folder: Path) -> None:
-    """Undo what a process did that was killed between two renames. Raises OSError."""
-    aside = set_aside(folder)
-    if aside is not None:
-        # Another process may have done the same.
-        with suppress(FileNotFoundError):
-            aside.rename(folder)
-    if folder.exists():
-        for left in named(folder, REPLACED):
-            shutil.rmtree(left, ignore_errors=True)
+def put_back(folder: Path, replaceable: Callable[[Path], bool]) -> None:
+    """Undo what a process did that was killed between two renames. Raises OSError.
+
+    What stepped aside is removed only where what has its place by now is of its kind: it may be all there is.
+    """
+    for aside in named(folder, REPLACED):
+        if is_live(aside.with_name(aside.name.removesuffix(REPLACED) + UNFINISHED)):
+            continue
+        if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
+            try:
+                aside.rename(folder)
+            except OSError as error:
+                # Another process may have done the same.
+                if error.errno not in TAKEN:
+                    raise
+        elif replaceable(folder):
+            shutil.rmtree(aside, ignore_errors=True)
 
 
 def _check_free(folder: Path, replaceable: Callable[[Path], bool], what: str) -> None:
@@ -92,19 +100,24 @@ def _check_free(folder: Path, replaceable: Callable[[Path], bool], what: str) ->
         )
 
 
-def _swap(fresh: Path, folder: Path) -> None:
+def _swap(fresh: Path, folder: Path, check_free: Callable[[], None]) -> None:
     """Let the new folder take the name; the older one then has the new one's, or is gone."""
     for _ in range(TRIES):
+        # It may have come to be what it was not when this one began.
+        check_free()
         try:
             fresh.rename(folder)
             break
         except OSError as error:
-            if error.errno not in (errno.ENOTEMPTY, errno.EEXIST, errno.EACCES) or not folder.is_dir():
+            if error.errno not in (*TAKEN, errno.EACCES) or not folder.is_dir():
                 raise
-        # Another process may have moved it in between, and then it is tried again.
-        with suppress(FileNotFoundError):
+        try:
             if exchange(fresh, folder) or _in_two_steps(fresh, folder):
                 break
+        except OSError as error:
+            # Another process has moved it in between, or put another there: it is tried again.
+            if error.errno not in TAKEN:
+                raise
     else:
         raise OSError(errno.EBUSY, "other runs keep taking its place")
     sync(folder.parent)
@@ -113,6 +126,8 @@ def _swap(fresh: Path, folder: Path) -> None:
 def _in_two_steps(fresh: Path, folder: Path) -> bool:
     """Where names cannot be exchanged: killed between the renames, `put_back` undoes the first."""
     old = fresh.with_name(fresh.name.removesuffix(UNFINISHED) + REPLACED)
+    # Of an earlier try: another process has put a newer one in its place since.
+    shutil.rmtree(old, ignore_errors=True)
     folder.rename(old)
     try:
         fresh.rename(folder)

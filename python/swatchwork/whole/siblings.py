@@ -12,13 +12,14 @@ import errno
 import os
 import re
 import shutil
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from os import PathLike
 from pathlib import Path
 from secrets import token_hex
 
-from ..errors import InputError
+from ..errors import CaptureWarning, InputError
 
 try:
     import fcntl
@@ -28,6 +29,8 @@ except ImportError:  # Windows: nothing is told apart there, and nothing of othe
 UNFINISHED = ".unfinished"
 REPLACED = ".replaced"
 """An older folder that stepped aside, where the file system cannot exchange two names."""
+
+NO_LOCKS_HERE = "this system keeps no locks"
 
 
 def place_of(path: str | PathLike[str]) -> Path:
@@ -71,7 +74,7 @@ def sweep(path: Path) -> None:
     """Remove what processes that are no more left beside ``path``."""
     for left in named(path, UNFINISHED):
         with suppress(OSError):
-            handle = os.open(left, os.O_RDONLY)
+            handle = os.open(left, _flags(left))
             try:
                 if _locked(handle):
                     shutil.rmtree(left) if left.is_dir() else left.unlink()
@@ -85,14 +88,21 @@ def held(folder: Path) -> Iterator[None]:
 
     Raises:
         InputError: another one has it.
+
+    Warns:
+        CaptureWarning: system or file system (NFS, some others) does not lock folders.
     """
     folder.mkdir(parents=True, exist_ok=True)
     if fcntl is None:
+        warn_of_no_locks(folder, NO_LOCKS_HERE)
         yield
         return
     handle = os.open(folder, os.O_RDONLY)
     try:
-        if _locked(handle) is False:
+        ours = _locked(handle)
+        if ours is None:
+            warn_of_no_locks(folder, "its file system locks no folders")
+        if ours is False:
             raise InputError(
                 "another run is writing here",
                 file=folder,
@@ -100,6 +110,29 @@ def held(folder: Path) -> Iterator[None]:
                 hint="Wait for it, or choose another output folder.",
             )
         yield
+    finally:
+        os.close(handle)
+
+
+def warn_of_no_locks(folder: Path, why: str) -> None:
+    """Say that two runs into one output would not be told apart."""
+    warnings.warn(
+        CaptureWarning(
+            f"{folder}: {why}, so that two runs into one output would not be told apart: make sure that this "
+            "is the only one"
+        ),
+        stacklevel=3,
+    )
+
+
+def is_live(unfinished: Path) -> bool:
+    """Whether a process is at work in a neighbour; no where that cannot be known."""
+    try:
+        handle = os.open(unfinished, _flags(unfinished))
+    except OSError:
+        return False
+    try:
+        return _locked(handle) is False
     finally:
         os.close(handle)
 
@@ -137,16 +170,21 @@ def _made(path: Path, folder: bool) -> tuple[Path, int | None]:
         made = path.with_name(f".{stem}.{token_hex(4)}{UNFINISHED}{suffix}")
         if folder:
             made.mkdir()
-        else:
+        elif fcntl is None:
             made.open("x").close()
         if fcntl is None:
             return made, None
         with suppress(FileNotFoundError):
-            handle = os.open(made, os.O_RDONLY)
+            handle = os.open(made, os.O_RDONLY if folder else os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o666)
             # A run that sweeps may have taken it for a dead one's before it was locked.
             if _locked(handle) is not False and made.exists():
                 return made, handle
             os.close(handle)
+
+
+def _flags(path: Path) -> int:
+    """To open it for a lock: NFS gives none on what is open for reading alone, as folders only can be."""
+    return os.O_RDONLY if path.is_dir() else os.O_RDWR
 
 
 def _locked(handle: int) -> bool | None:

@@ -107,11 +107,9 @@ def checkpoints(output: str | PathLike[str], key: Mapping[str, Any]) -> Iterator
                 raise
         try:
             yield Checkpoints(folder)
-        except InputError:
-            # Input put right is other input: nothing could go on from here.
-            _remove(folder)
-            raise
         except BaseException:
+            # Wrong input too keeps what was finished: a drive that comes back, or a name in the way moved
+            # elsewhere, leaves the input as it was. Input put right is other input, whose key clears them.
             if not any(path.is_dir() for path in folder.iterdir()):
                 _remove(folder)
             raise

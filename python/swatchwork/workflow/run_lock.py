@@ -9,17 +9,17 @@ import json
 import os
 import platform
 import time
-import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
-from ..errors import CaptureWarning, InputError, OutputError
+from ..errors import InputError, OutputError
+from ..whole import NO_LOCKS_HERE, warn_of_no_locks
 
 try:
     import fcntl
-except ImportError:  # Windows: two runs into one folder are not told apart there.
+except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
 LOCK = "lock"
@@ -38,7 +38,7 @@ def locked(folder: Path) -> Iterator[None]:
         OutputError: it cannot be written.
 
     Warns:
-        CaptureWarning: the file system keeps no locks.
+        CaptureWarning: system or file system keeps no locks.
     """
     try:
         lock = _taken(folder)
@@ -63,19 +63,15 @@ def _taken(folder: Path) -> IO[str]:
         # Not emptied before it is ours: it tells others whose it is.
         lock = (folder / LOCK).open("a+", encoding="utf-8")
         try:
-            if fcntl is not None:
+            if fcntl is None:
+                warn_of_no_locks(folder, NO_LOCKS_HERE)
+            else:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
             if error.errno not in NO_LOCKS:
                 lock.close()
                 raise
-            warnings.warn(
-                CaptureWarning(
-                    f"{folder}: its file system keeps no locks ({error.strerror}), so that two runs into one "
-                    "output would not be told apart: make sure that this is the only one"
-                ),
-                stacklevel=2,
-            )
+            warn_of_no_locks(folder, f"its file system keeps no locks ({error.strerror})")
         # A run that ended in between has removed the file that this one opened.
         with suppress(FileNotFoundError):
             if fcntl is None or os.fstat(lock.fileno()).st_ino == (folder / LOCK).stat().st_ino:

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from swatchwork.capture import Camera
-from swatchwork.errors import InputError
+from swatchwork.errors import InputError, is_out_of_memory
 from swatchwork.prepare.importing.found import (
     Found,
     Layout,
@@ -108,6 +108,8 @@ def _reconstruction(model: Path) -> Any:
     try:
         return pycolmap.Reconstruction(str(model))
     except Exception as error:  # its readers raise whatever they trip over
+        if is_out_of_memory(error):
+            raise
         raise InputError(
             f"cannot be read as a COLMAP model ({str(error).strip().splitlines()[-1]})",
             file=model,
