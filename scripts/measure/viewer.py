@@ -37,10 +37,10 @@ from swatchwork.simulate import simulate_capture
 from swatchwork.solve import SolveOptions
 from swatchwork.workflow import view_folder
 
-LOADS, PASSES, FINE = 5, 64, 8
+LOADS, FINE = 5, 8
 QUICK = {"texels": 400, "solve": SolveOptions(n=2, N=4)}
 """How well the material was found does not matter here."""
-CANVAS_HEAD = ["page", "canvas", "worst", "mean", "sampling"]
+CANVAS_HEAD = ["page", "canvas", "passes", "worst", "mean", "sampling"]
 PAGE_HEAD = ["page", "triangles", "atlas", "photographs", "size", "first picture"]
 
 
@@ -87,7 +87,7 @@ def scaled(camera: Camera, size: int) -> Camera:
     return replace(camera, width=width, height=height, k1=0.0, k2=0.0, p1=0.0, p2=0.0, **lens)
 
 
-def canvas(browser: Any, of: Subject, size: int) -> dict[str, Any]:
+def canvas(browser: Any, of: Subject, size: int, passes: int) -> dict[str, Any]:
     """Whole canvases against relight, and relight against itself with more samples."""
     shown = headless.Shown(browser, of.page)
     scene = RelitScene.of(read_material(of.material))
@@ -97,7 +97,7 @@ def canvas(browser: Any, of: Subject, size: int) -> dict[str, Any]:
         shown.run(f"swatchwork.setLight({number})")
         for frame in frames:
             camera, start = scaled(frame.camera, size), time.perf_counter()
-            picture = shown.still(camera, PASSES)
+            picture = shown.still(camera, passes)
             seconds = time.perf_counter() - start
             reference = render(scene, camera, environment)
             off.append(_off(picture, reference))
@@ -109,6 +109,7 @@ def canvas(browser: Any, of: Subject, size: int) -> dict[str, Any]:
     return {
         "name": of.name,
         "size": size,
+        "passes": passes,
         "worst": max(off),
         "mean": float(np.mean(off)),
         "sampling": max(sampling),
@@ -143,7 +144,8 @@ def page(browser: Any, of: Subject, pictures: Path | None) -> dict[str, Any]:
 
 
 def canvas_cells(r: dict[str, Any]) -> list[str]:
-    return [r["name"], f"{r['size']} px", *(f"{100 * r[key]:.2f} %" for key in ("worst", "mean", "sampling"))]
+    head = [r["name"], f"{r['size']} px", str(r["passes"])]
+    return [*head, *(f"{100 * r[key]:.2f} %" for key in ("worst", "mean", "sampling"))]
 
 
 def page_cells(r: dict[str, Any]) -> list[str]:
@@ -169,6 +171,7 @@ def main() -> None:
     )
     parser.add_argument("--captures", type=Path, required=True, help="folder with igea-merl/")
     parser.add_argument("--size", type=int, default=160, help="pixels along the compared canvases")
+    parser.add_argument("--passes", type=int, default=64, help="of the 64 that a finished picture has")
     parser.add_argument("--only", choices=["pages", "canvases"], help="first pictures want an idle machine")
     parser.add_argument("--work", type=Path, help="keep captures, materials and pages here")
     parser.add_argument("--pictures", type=Path, help="write a screenshot of each page here")
@@ -193,7 +196,9 @@ def main() -> None:
             print(results.table(PAGE_HEAD, [page_cells(r) for r in found["pages"]]))
             results.write(args.json, found)
         if args.only != "pages":
-            found["canvases"] = [canvas(browser, of, args.size) for of in subjects if of.name != "large"]
+            found["canvases"] = [
+                canvas(browser, of, args.size, args.passes) for of in subjects if of.name != "large"
+            ]
             print(results.table(CANVAS_HEAD, [canvas_cells(r) for r in found["canvases"]]))
             results.write(args.json, found)
 
