@@ -513,6 +513,9 @@ def test_a_calibrated_lens_is_used(tmp_path: Path) -> None:
     lens.write_text('{"w": 60}', encoding="utf-8")
     with pytest.raises(InputError, match="cannot be read as intrinsics"):
         read_intrinsics(lens)
+    lens.write_text('{"w": 60, "h": 40, "fl_x": true, "fl_y": 91, "cx": 31, "cy": 19}', encoding="utf-8")
+    with pytest.raises(InputError, match=r'as intrinsics \("fl_x" is True\)'):
+        read_intrinsics(lens)
 
 
 def _smaller(lens: Path) -> Path:

@@ -16,6 +16,7 @@ from typing import Any
 import folders  # noqa: F401  (puts its mutations on the list)
 import gltfs  # noqa: F401
 import images  # noqa: F401
+import json_texts  # noqa: F401
 import jsons  # noqa: F401
 import meshes  # noqa: F401
 import others

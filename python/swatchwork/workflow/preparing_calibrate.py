@@ -17,6 +17,7 @@ import numpy as np
 
 from ..arrays import F64, U8
 from ..capture import Camera, read_json, write_png
+from ..capture.fields import Fields
 from ..errors import InputError
 from ..prepare import Board, Calibration, calibrate
 from ..prepare.calibrate import SUFFIXES
@@ -108,20 +109,20 @@ def read_intrinsics(file: str | PathLike[str]) -> Camera:
         InputError: the file is missing, no JSON, or lacks a number.
     """
     path = Path(file)
-    found = read_json(path, EXPECTED)
+    document = read_json(path, EXPECTED)
     try:
-        size = int(found["w"]), int(found["h"])
-        numbers = [float(found[key]) for key in ("fl_x", "fl_y", "cx", "cy")]
-        lens = [float(found.get(key, 0.0)) for key in ("k1", "k2", "p1", "p2")]
-    except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
+        fields = Fields(document, str(path))
+        size = fields.pixels("w"), fields.pixels("h")
+        fx, fy = (fields.number(key, positive=True) for key in ("fl_x", "fl_y"))
+        cx, cy = (fields.number(key) for key in ("cx", "cy"))
+        k1, k2, p1, p2 = (fields.number(key, 0.0) for key in ("k1", "k2", "p1", "p2"))
+        return Camera(*size, fx, fy, cx, cy, np.eye(4), k1, k2, p1, p2)
+    except InputError as error:
         raise InputError(
-            f"cannot be read as intrinsics ({error!r})",
+            f"cannot be read as intrinsics ({error.found})",
             file=path,
             expected=EXPECTED,
         ) from error
-    fx, fy, cx, cy = numbers
-    k1, k2, p1, p2 = lens
-    return Camera(*size, fx, fy, cx, cy, np.eye(4), k1, k2, p1, p2)
 
 
 def figures_of(found: Calibration) -> dict[str, Any]:
