@@ -27,8 +27,8 @@ def write(file: Path, found: dict[str, Any]) -> None:
             for row in figures["rows"]
         ]
     head = (
-        f"## Faults\n\nMade by `make faults` (`{results.command()}`), each by the command line in a process of "
-        "its own, forked from one that has imported the package; one alone: `python scripts/faults/run.py "
-        f"--only NAME`, where NAME is {', '.join(f'`{name}`' for name in found)}."
+        f"## Faults\n\nMade by `make faults` (`{results.command()}`), each by the command line in a process "
+        "of its own, forked from one that has imported the package; one alone: "
+        f"`python scripts/faults/run.py --only NAME`, where NAME is {', '.join(f'`{name}`' for name in found)}."
     )
     reliability.put(file, "faults", "\n".join([head, "", *lines, "", NOTES.strip()]))
