@@ -26,9 +26,10 @@ def write(file: Path, found: dict[str, Any]) -> None:
             f"| {Row(**row).verdict} | {figures['commit']} |"
             for row in figures["rows"]
         ]
+    names = ", ".join(f"`{name}`" for name in found)
     head = (
-        f"## Faults\n\nMade by `make faults` (`{results.command()}`), each by the command line in a process of "
-        "its own, forked from one that has imported the package; one alone: `python scripts/faults/run.py "
-        f"--only NAME`, where NAME is {', '.join(f'`{name}`' for name in found)}."
+        f"## Faults\n\nMade by `make faults` (`{results.command()}`), each by the command line in a process "
+        "of its own, forked from one that has imported the package; one alone: "
+        f"`python scripts/faults/run.py --only NAME`, where NAME is {names}."
     )
     reliability.put(file, "faults", "\n".join([head, "", *lines, "", NOTES.strip()]))
