@@ -94,9 +94,11 @@ def blend_every_texel(
                 decided[tile] = found.rows("decided")
                 counts += found.rows("counts")
             task.advance(len(tile))
-    unseen = np.flatnonzero(~decided)
+    # Where no texel at all is decided, all keep what fits them best: there is nothing better to take.
+    given = decided if decided.any() else observations.coverage > 0
+    unseen = np.flatnonzero(~given)
     if len(unseen):
-        at, nearest = pixel[unseen], pixel[_nearest(atlas, np.flatnonzero(decided).astype(np.int32), unseen)]
+        at, nearest = pixel[unseen], pixel[_nearest(atlas, np.flatnonzero(given).astype(np.int32), unseen)]
         index[at], weight[at] = index[nearest], weight[nearest]
     blend = TexelBlend(
         index.reshape(size, size, n),
