@@ -59,7 +59,7 @@ def solve_robustly(
     with progress.stage("outliers"):
         start = robust_start(problem, options)
         trimmed = _trimmed(problem, *start, options)
-    if not _far(trimmed, problem.offsets):
+    if not far_off(trimmed, problem.offsets):
         return plain
     solution = solve(problem.part(trimmed.kept, trimmed.agreed), options, progress)
     for _ in range(DECISIONS):
@@ -109,7 +109,7 @@ def suspicious(problem: Problem, solution: Solution, options: SolveOptions) -> b
         search=options.search,
         seed=options.seed,
     )
-    return _far(found, offsets)
+    return far_off(found, offsets)
 
 
 def offsets_of(problem: Problem, texels: np.ndarray) -> I64:
@@ -117,7 +117,7 @@ def offsets_of(problem: Problem, texels: np.ndarray) -> I64:
     return np.concatenate([[0], np.cumsum(np.diff(problem.offsets)[texels])]).astype(np.int64)
 
 
-def _far(trimmed: Trimmed, offsets: I64) -> bool:
+def far_off(trimmed: Trimmed, offsets: I64) -> bool:
     """Whether what is beyond the bound is far beyond it: outliers, and not the tail of a clean capture.
 
     Only where a texel's other views agree: a material that no representative explains is off in all views.
