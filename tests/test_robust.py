@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,9 @@ import numpy as np
 import pytest
 
 from swatchwork.capture import Photograph, read_capture
+from swatchwork.cli import main
 from swatchwork.errors import CaptureWarning, InputError
+from swatchwork.material import read_material
 from swatchwork.observe import NoiseModel, noise_shares
 from swatchwork.observe.noise import fitted_noise, noise_levels
 from swatchwork.simulate import SyntheticProblem, simulate_capture, spoil_capture, spoiled, two_of_four
@@ -25,13 +27,13 @@ from swatchwork.solve import (
     SolveOptions,
     Trimmed,
     resume_robustly,
+    robust,
+    settled_blend,
     solve,
     solve_robustly,
-    settled_blend,
     sparse_blend,
     trimmed_blend,
 )
-from swatchwork.solve import robust
 from swatchwork.solve.robust import FAR, MOST_OF_THEM, SOME_FAR, far_off
 from swatchwork.solve.trimming import BOUND, expected, medians
 from swatchwork.streaming import only
@@ -188,7 +190,7 @@ def test_blends_do_not_depend_on_the_tiling() -> None:
     assert (views > 6).any() and len(np.unique(views)) > 2
     whole = blends(0, problem.texels)
     cuts = [0, 1, 2, 40, 97, problem.texels]
-    parts = [blends(a, b) for a, b in zip(cuts, cuts[1:], strict=False)]
+    parts = [blends(a, b) for a, b in pairwise(cuts)]
     for of_whole, of_parts in zip(whole, zip(*parts, strict=True), strict=True):
         np.testing.assert_array_equal(of_whole, np.concatenate(of_parts))
 
@@ -212,7 +214,11 @@ def test_a_texel_that_agrees_with_nothing_ends_the_robust_fit(
     assert np.isnan(kept.relative_error).all()
     # The first vote is that on the start, those of the loop come after.
     votes = iter([decided, nobody])
-    monkeypatch.setattr(robust, "_trimmed", lambda *given: next(votes)(*given))
+
+    def voted(*given: Any) -> Trimmed:
+        return next(votes)(*given)
+
+    monkeypatch.setattr(robust, "_trimmed", voted)
     plain = solve_robustly(problem, options)
     assert plain.outliers is None
     np.testing.assert_array_equal(plain.representatives, solve(problem, options).representatives)
@@ -289,6 +295,14 @@ def test_noise_has_to_be_a_number() -> None:
         NoiseModel(0.0, float("nan"))
 
 
+@pytest.mark.parametrize("off", [["--no-robust"], ["--search-order", "paper"]])
+def test_noise_that_nobody_heeds_is_refused(
+    off: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["reconstruct", str(tmp_path), "-o", str(tmp_path / "m"), "--noise", "0.01,0", *off]) == 2
+    assert "--noise is '0.01,0'" in capsys.readouterr().err
+
+
 # ---- captures ------------------------------------------------------------------------------------
 def test_spoiled_replaces_the_share_asked_for() -> None:
     image = np.zeros((60, 60, 4), np.float32)
@@ -326,7 +340,14 @@ def test_a_spoilt_capture_says_what_was_left_out(tmp_path: Path) -> None:
     solver = json.loads((tmp_path / "spoilt" / "svbrdf.json").read_text())["solver"]
     assert solver["outliers"]["scale"] > 0
     assert np.mean(solver["left_out_by_frame"]) == pytest.approx(spoilt.left_out, abs=0.02)
-    assert "contradict" in (tmp_path / "spoilt" / "report.html").read_text(encoding="utf-8")
+    page = (tmp_path / "spoilt" / "report.html").read_text(encoding="utf-8")
+    assert "contradict" in page and "no two photographs agree" in page
+    assert "% undecided" in spoilt.in_words() and spoilt.undecided > 0
+    # Over the texels that have a residual: the undecided ones have none, and do not make it smaller.
+    found = read_material(tmp_path / "spoilt")
+    error = found.residual[found.residual > 0]
+    assert spoilt.misfit == pytest.approx(float(np.sqrt((error.astype(np.float64) ** 2).mean())), rel=1e-4)
+    assert found.spread is not None and 0 < found.spread.max() < 0.2
 
 
 def test_only_drops_measurements_and_empty_texels(tmp_path: Path) -> None:
