@@ -6,14 +6,17 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from swatchwork.capture import Photograph, read_capture
+from swatchwork.cli import main
 from swatchwork.errors import CaptureWarning, InputError
+from swatchwork.material import read_material
 from swatchwork.observe import NoiseModel, noise_shares
 from swatchwork.observe.noise import fitted_noise, noise_levels
 from swatchwork.simulate import SyntheticProblem, simulate_capture, spoil_capture, spoiled, two_of_four
@@ -22,11 +25,16 @@ from swatchwork.solve import (
     Problem,
     Solution,
     SolveOptions,
+    Trimmed,
+    resume_robustly,
+    robust,
+    settled_blend,
     solve,
     solve_robustly,
     sparse_blend,
     trimmed_blend,
 )
+from swatchwork.solve.robust import FAR, MOST_OF_THEM, SOME_FAR, far_off
 from swatchwork.solve.trimming import BOUND, expected, medians
 from swatchwork.streaming import only
 from swatchwork.workflow import ReconstructOptions, reconstruct_folder
@@ -75,6 +83,37 @@ def test_much_noise_is_looked_into_and_is_no_outliers() -> None:
     robust = solve_robustly(problem, FAST)
     assert robust.outliers is None
     np.testing.assert_array_equal(robust.representatives, plain.representatives)
+
+
+@pytest.mark.parametrize(("n", "N"), [(1, 1), (1, 2), (2, 2)])
+def test_too_few_materials_are_no_outliers(n: int, N: int) -> None:
+    made = two_of_four(12, 2, texels=200, materials=3, noise_percent=0.5, blended=1, sharp=True)
+    problem = Problem(made.responses, made.radiance, made.offsets)
+    options = replace(FAST, n=n, N=N)
+    plain, found = solve(problem, options), solve_robustly(problem, options)
+    assert found.outliers is None
+    np.testing.assert_array_equal(found.representatives, plain.representatives)
+
+
+def test_a_material_that_no_representative_explains_is_no_outlier() -> None:
+    made = two_of_four(20, 2, texels=300, materials=2, noise_percent=0.5, blended=1, sharp=True)
+    problem = Problem(made.responses, made.radiance, made.offsets)
+    material = made.truth_index[:, 0]
+    texels = material == 0
+    texels[np.flatnonzero(~texels)[: texels.sum() // 4]] = True
+    part, other = problem.part(np.ones(len(problem.radiance), dtype=bool), texels), material[texels] != 0
+    one = part.fold(made.truth_representatives[:1])
+    found = settled_blend(one, part.radiance, part.offsets, 1)
+    far = found.deviation > FAR * found.settled
+    # A fifth of the texels is far off, most of what is beyond the bound: but in all of their views.
+    assert far.mean() > SOME_FAR and far.mean() > MOST_OF_THEM * (~found.kept).mean()
+    assert not found.agreed[other].any()
+    assert not far_off(found, part.offsets)
+    # The same with one view in five of the first material replaced.
+    radiance = part.radiance.copy()
+    radiance[::5] = 20 * np.median(radiance)
+    found = settled_blend(one, radiance, part.offsets, 1)
+    assert far_off(found, part.offsets)
 
 
 # ---- outliers ------------------------------------------------------------------------------------
@@ -132,6 +171,57 @@ def test_trimmed_blend_is_the_best_of_all_pairs_of_views() -> None:
         np.testing.assert_array_equal(found.kept[rows], kept)
         np.testing.assert_array_equal(found.kept[rows], ~out[x])
     np.testing.assert_allclose(found.blend.dense(N)[:, 0], weights[:, 0], atol=0.1)
+
+
+def test_blends_do_not_depend_on_the_tiling() -> None:
+    made = two_of_four(30, 4, texels=120, materials=3, noise_percent=1.0)
+    problem, _ = with_outliers(made, 0.2)
+    responses = problem.fold(made.truth_representatives)
+    usual = float(np.median((problem.radiance.astype(np.float64) ** 2).sum(axis=1)))
+
+    def blends(first: int, last: int) -> tuple[np.ndarray, np.ndarray]:
+        rows = slice(problem.offsets[first], problem.offsets[last])
+        offsets = problem.offsets[first : last + 1] - problem.offsets[first]
+        found = trimmed_blend(responses[rows], problem.radiance[rows], offsets, 2, 0.02, usual=usual)
+        return found.kept, found.blend.dense(3)
+
+    views = np.diff(problem.offsets)
+    # More pairs of views than are tried, so that they are drawn, and of several counts.
+    assert (views > 6).any() and len(np.unique(views)) > 2
+    whole = blends(0, problem.texels)
+    cuts = [0, 1, 2, 40, 97, problem.texels]
+    parts = [blends(a, b) for a, b in pairwise(cuts)]
+    for of_whole, of_parts in zip(whole, zip(*parts, strict=True), strict=True):
+        np.testing.assert_array_equal(of_whole, np.concatenate(of_parts))
+
+
+def test_a_texel_that_agrees_with_nothing_ends_the_robust_fit(
+    sphere: SyntheticProblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem, _ = with_outliers(sphere, 0.2)
+    options = replace(FAST, max_alternations=5)
+    solution = solve_robustly(problem, options)
+    assert solution.outliers is not None
+
+    def nobody(*given: Any) -> Trimmed:
+        found = decided(*given)
+        return replace(found, agreed=np.zeros(problem.texels, dtype=bool))
+
+    decided = robust._trimmed
+    monkeypatch.setattr(robust, "_trimmed", nobody)
+    kept = resume_robustly(problem, solution, options)
+    np.testing.assert_array_equal(kept.representatives, solution.representatives)
+    assert np.isnan(kept.relative_error).all()
+    # The first vote is that on the start, those of the loop come after.
+    votes = iter([decided, nobody])
+
+    def voted(*given: Any) -> Trimmed:
+        return next(votes)(*given)
+
+    monkeypatch.setattr(robust, "_trimmed", voted)
+    plain = solve_robustly(problem, options)
+    assert plain.outliers is None
+    np.testing.assert_array_equal(plain.representatives, solve(problem, options).representatives)
 
 
 def test_medians_are_lower_medians() -> None:
@@ -205,6 +295,14 @@ def test_noise_has_to_be_a_number() -> None:
         NoiseModel(0.0, float("nan"))
 
 
+@pytest.mark.parametrize("off", [["--no-robust"], ["--search-order", "paper"]])
+def test_noise_that_nobody_heeds_is_refused(
+    off: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["reconstruct", str(tmp_path), "-o", str(tmp_path / "m"), "--noise", "0.01,0", *off]) == 2
+    assert "--noise is '0.01,0'" in capsys.readouterr().err
+
+
 # ---- captures ------------------------------------------------------------------------------------
 def test_spoiled_replaces_the_share_asked_for() -> None:
     image = np.zeros((60, 60, 4), np.float32)
@@ -242,7 +340,14 @@ def test_a_spoilt_capture_says_what_was_left_out(tmp_path: Path) -> None:
     solver = json.loads((tmp_path / "spoilt" / "svbrdf.json").read_text())["solver"]
     assert solver["outliers"]["scale"] > 0
     assert np.mean(solver["left_out_by_frame"]) == pytest.approx(spoilt.left_out, abs=0.02)
-    assert "contradict" in (tmp_path / "spoilt" / "report.html").read_text(encoding="utf-8")
+    page = (tmp_path / "spoilt" / "report.html").read_text(encoding="utf-8")
+    assert "contradict" in page and "no two photographs agree" in page
+    assert "% undecided" in spoilt.in_words() and spoilt.undecided > 0
+    # Over the texels that have a residual: the undecided ones have none, and do not make it smaller.
+    found = read_material(tmp_path / "spoilt")
+    error = found.residual[found.residual > 0]
+    assert spoilt.misfit == pytest.approx(float(np.sqrt((error.astype(np.float64) ** 2).mean())), rel=1e-4)
+    assert found.spread is not None and 0 < found.spread.max() < 0.2
 
 
 def test_only_drops_measurements_and_empty_texels(tmp_path: Path) -> None:

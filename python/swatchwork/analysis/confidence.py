@@ -89,7 +89,8 @@ def spread_of_representatives(
 
     From the representative optimisation matrix (section 5) of the kernels a representative has, each texel
     weighted as in Eq. 5 and by its blend weight, with the residuals as noise, for as many texels as the
-    representatives were found from. The others, and the blends, count as known.
+    representatives were found from. The others, and the blends, count as known. Outliers, and texels whose
+    views do not agree, tell nothing.
     """
     observations, N = rendering.observations, len(solution.representatives)
     atlas, J = observations.atlas, basis.kernels
@@ -99,9 +100,11 @@ def spread_of_representatives(
     index = blend.index.reshape(atlas.resolution**2, -1)
     weight = blend.weight.reshape(atlas.resolution**2, -1)
     for tile in rendering.tiles(sample, PAIRS_AT_ONCE // 4):
-        pairs = rendering.pairs(tile)
+        pairs = _heeded(rendering, basis, solution, tile, seed)
+        if not len(pairs.seen):
+            continue
         responses = rendering.generic(basis, pairs).transpose(2, 0, 1)
-        pixel, views = atlas.pixel[tile], np.diff(pairs.offsets)
+        pixel, views = atlas.pixel[pairs.seen.texels], np.diff(pairs.offsets)
         weights = dense(index[pixel], weight[pixel], N).astype(np.float64)
         energy = np.add.reduceat((pairs.radiance.astype(np.float64) ** 2).sum(axis=1), pairs.offsets[:-1])
         energy = np.maximum(energy, DARK**2 * observations.typical * views)
@@ -145,6 +148,14 @@ def _told(
     views = np.add.reduceat(found.trimmed.kept, found.pairs.offsets[:-1], dtype=np.int64)
     kept = found.trimmed.kept & np.repeat(found.decided & (views >= 2), np.diff(found.pairs.offsets))
     return only(found.pairs, kept), found.responses[kept]
+
+
+def _heeded(rendering: Rendering, basis: GenericBasis, solution: Solution, tile: I64, seed: int) -> Pairs:
+    """The pairs of texels, without outliers and texels that are not decided."""
+    if solution.outliers is None:
+        return rendering.pairs(tile)
+    found = agreement(rendering, basis, solution, tile, "exact", seed)
+    return only(found.pairs, found.trimmed.kept & np.repeat(found.decided, np.diff(found.pairs.offsets)))
 
 
 def _without_one(

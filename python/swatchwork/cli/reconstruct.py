@@ -160,7 +160,7 @@ def reconstruct(
         typer.Option(
             metavar="READ,GAIN",
             help="Noise of the photographs: a radiance L has variance READ^2 + GAIN L. Points that are "
-            "mostly noise count less.",
+            "mostly noise count less. Not with --no-robust or --search-order paper.",
             show_default="estimated from the photographs",
             rich_help_panel=SEARCH,
         ),
@@ -237,6 +237,12 @@ def reconstruct(
     """
     if n is not None and N is not None and n > N:
         raise InputError(f"--n is {n} and --N is {N}", expected="n no larger than N")
+    if noise is not None and (not robust or search_order.value == "paper"):
+        raise InputError(
+            f"--noise is {noise!r} with {'--search-order paper' if robust else '--no-robust'}",
+            expected="a fit that heeds noise",
+            hint="Leave one of the two out: this fit counts every point alike.",
+        )
     use_threads(threads)
     from ..workflow import FrameOptions, NoiseModel, ReconstructOptions, SolveOptions, reconstruct_folder
 

@@ -59,11 +59,14 @@ def solve_robustly(
     with progress.stage("outliers"):
         start = robust_start(problem, options)
         trimmed = _trimmed(problem, *start, options)
-    if not _far(trimmed) or not trimmed.agreed.any():
+    if not far_off(trimmed, problem.offsets):
         return plain
     solution = solve(problem.part(trimmed.kept, trimmed.agreed), options, progress)
     for _ in range(DECISIONS):
         trimmed = _trimmed(problem, solution.representatives, solution.n, trimmed.settled, options)
+        # Nobody speaks for an answer that no texel agrees with.
+        if not trimmed.agreed.any():
+            return plain
         solution = resume(problem.part(trimmed.kept, trimmed.agreed), solution, options, progress)
     return _whole(problem, solution, trimmed, options)
 
@@ -71,12 +74,17 @@ def solve_robustly(
 def resume_robustly(
     problem: Problem, solution: Solution, options: SolveOptions | None = None, progress: Progress = SILENT
 ) -> Solution:
-    """As ``resume``, and where the solution has left out outliers, without those of ``problem``."""
+    """As ``resume``, and where the solution has left out outliers, without those of ``problem``.
+
+    Where no texel of it agrees with the solution, the representatives stay as they are.
+    """
     options = options or SolveOptions()
     if solution.outliers is None:
         return resume(problem, solution, options, progress)
     trimmed = _trimmed(problem, solution.representatives, solution.n, solution.outliers.scale, options)
-    found = resume(problem.part(trimmed.kept, trimmed.agreed), solution, options, progress)
+    found = solution
+    if trimmed.agreed.any():
+        found = resume(problem.part(trimmed.kept, trimmed.agreed), solution, options, progress)
     return _whole(problem, found, trimmed, options)
 
 
@@ -92,16 +100,16 @@ def suspicious(problem: Problem, solution: Solution, options: SolveOptions) -> b
     few = np.zeros(problem.texels, dtype=bool)
     few[:: -(-problem.texels // LOOKED_AT)] = True
     rows = np.repeat(few, np.diff(problem.offsets))
-    return _far(
-        settled_blend(
-            problem.fold(solution.representatives)[rows],
-            problem.radiance[rows],
-            offsets_of(problem, few),
-            solution.n,
-            search=options.search,
-            seed=options.seed,
-        )
+    offsets = offsets_of(problem, few)
+    found = settled_blend(
+        problem.fold(solution.representatives)[rows],
+        problem.radiance[rows],
+        offsets,
+        solution.n,
+        search=options.search,
+        seed=options.seed,
     )
+    return far_off(found, offsets)
 
 
 def offsets_of(problem: Problem, texels: np.ndarray) -> I64:
@@ -109,10 +117,16 @@ def offsets_of(problem: Problem, texels: np.ndarray) -> I64:
     return np.concatenate([[0], np.cumsum(np.diff(problem.offsets)[texels])]).astype(np.int64)
 
 
-def _far(trimmed: Trimmed) -> bool:
-    """Whether what is beyond the bound is far beyond it: outliers, and not the tail of a clean capture."""
-    far, out = (trimmed.deviation > FAR * trimmed.settled).mean(), (~trimmed.kept).mean()
-    return bool(far > max(SOME_FAR, MOST_OF_THEM * out))
+def far_off(trimmed: Trimmed, offsets: I64) -> bool:
+    """Whether what is beyond the bound is far beyond it: outliers, and not the tail of a clean capture.
+
+    Only where a texel's other views agree: a material that no representative explains is off in all views.
+    """
+    told = np.repeat(trimmed.agreed, np.diff(offsets))
+    if not told.any():
+        return False
+    far = (trimmed.deviation[told] > FAR * trimmed.settled).mean()
+    return bool(far > max(SOME_FAR, MOST_OF_THEM * (~trimmed.kept[told]).mean()))
 
 
 def _trimmed(problem: Problem, representatives: F64, n: int, scale: float, options: SolveOptions) -> Trimmed:

@@ -65,17 +65,18 @@ class Trimmed:
         return spread(self.deviation[self.kept])
 
 
-def expected(radiance: F32, offsets: I64) -> F64:
+def expected(radiance: F32, offsets: I64, usual: float | None = None) -> F64:
     """Radiance [P] that a measurement's residual is compared to, from measured radiance [P, 3] alone.
 
     What a fit leaves is about a share of the radiance there (noise, misfit of the basis) and about one of the
     texel's typical radiance (resampling, blends): halves of both have the lightest tails on clean captures.
     An outlier cannot raise it much: the texel's is the median of its views, and what a view counts by itself
-    ends at four times that in energy.
+    ends at four times that in energy. Black ones are held to a hundredth of the ``usual`` energy's root, by
+    default of the median here: who looks at some texels of many gives that of all.
     """
     energy = (radiance.astype(np.float64) ** 2).sum(axis=1)
     typical = np.repeat(medians(energy, offsets), np.diff(offsets))
-    floor = 1e-4 * float(np.median(energy)) + 1e-30
+    floor = 1e-4 * (float(np.median(energy)) if usual is None else usual) + 1e-30
     counted = 0.5 * np.minimum(energy, 4 * typical) + 0.5 * typical
     return np.asarray(np.sqrt(np.maximum(counted, floor)))
 
@@ -105,21 +106,23 @@ def trimmed_blend(
     *,
     search: Search = "exact",
     seed: int = 0,
+    usual: float | None = None,
 ) -> Trimmed:
     """Blends [M] of at most n representatives from the measurements within BOUND times ``scale``.
 
-    A texel of two views is tried by each of them; of one there is nothing to compare.
+    A texel of two views is tried by each of them; of one there is nothing to compare. No texel's answer
+    depends on the others, given ``usual`` and with the exact search.
 
     Args:
         responses: [P, N, 3] of the representatives; ``radiance`` [P, 3]; ``offsets`` [M + 1].
         scale: as `spread` gives it.
+        usual: as `expected` takes it.
     """
-    size = expected(radiance, offsets)
+    size = expected(radiance, offsets, usual)
     kept = np.ones(len(radiance), dtype=bool)
     views = np.diff(offsets)
-    rng = np.random.default_rng([seed, 9])
     for k in np.unique(views[views > 1]):
-        subsets = _subsets(int(k), rng)
+        subsets = _subsets(int(k), np.random.default_rng([seed, 9, int(k)]))
         step = max(1, ROWS_AT_ONCE // (len(subsets) * max(int(k), 2)))
         for texels in _runs(np.flatnonzero(views == k), step):
             rows = offsets[texels][:, None] + np.arange(k)

@@ -53,6 +53,7 @@ def agreement(
         solution.outliers.scale,
         search=search,
         seed=seed,
+        usual=rendering.observations.typical,
     )
     within = trimmed.deviation <= trimmed.bound
     agreeing = np.add.reduceat(within, pairs.offsets[:-1], dtype=np.int64)

@@ -32,9 +32,9 @@ NEIGHBOURS = 4
 class TexelBlend:
     """The blend of every texel, as images over the atlas.
 
-    A texel that no view sees, or whose views contradict one another, takes the blend of the nearest other,
-    a pixel of the gutter that of its nearest texel. They are images from the start, for a second copy of them
-    would be most of a large atlas's memory.
+    A texel that no view sees, or of which outliers leave too few views to tell, takes the blend of the
+    nearest other, a pixel of the gutter that of its nearest texel. They are images from the start, for a
+    second copy of them would be most of a large atlas's memory.
     """
 
     index: U8
@@ -42,11 +42,13 @@ class TexelBlend:
     weight: F32
     """[H, W, n] their weights; they sum to 1."""
     residual: F32
-    """[H, W] relative error of each texel's kept measurements, 0 where there are none and in the gutter."""
+    """[H, W] relative error of each texel's kept measurements, 0 where it is undecided or unseen and in the
+    gutter."""
     texel_of_pixel: I32
     """[H, W] the texel at each pixel, in the gutter the nearest one."""
     undecided: I64 = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    """Texels that views see whose measurements contradict one another: filled as if unseen."""
+    """Texels that views see, but no two that agree, or only one, where there are outliers: filled as if
+    unseen."""
     counts: I64 | None = None
     """[2, k] each frame's measurements, and how many of them were left out; None without outliers."""
 
@@ -94,10 +96,12 @@ def blend_every_texel(
                 decided[tile] = found.rows("decided")
                 counts += found.rows("counts")
             task.advance(len(tile))
-    unseen = np.flatnonzero(~decided)
+    # Where no texel at all is decided, all keep what fits them best: there is nothing better to take.
+    given = decided if decided.any() else observations.coverage > 0
+    unseen = np.flatnonzero(~given)
     if len(unseen):
-        at, nearest = pixel[unseen], pixel[_nearest(atlas, np.flatnonzero(decided).astype(np.int32), unseen)]
-        index[at], weight[at] = index[nearest], weight[nearest]
+        at, nearest = pixel[unseen], pixel[_nearest(atlas, np.flatnonzero(given).astype(np.int32), unseen)]
+        index[at], weight[at], residual[at] = index[nearest], weight[nearest], 0
     blend = TexelBlend(
         index.reshape(size, size, n),
         weight.reshape(size, size, n),
@@ -172,7 +176,7 @@ def blend_tile(
     return {
         "index": best.index.astype(np.uint8),
         "weight": best.weight,
-        "residual": np.where(agreeing.decided, error, 0).astype(np.float32),
+        "residual": error.astype(np.float32),
         "decided": agreeing.decided,
         "counts": np.stack(counts),
     }

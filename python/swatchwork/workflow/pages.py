@@ -66,7 +66,6 @@ def reconstruction_report(
         views.append(comparison)
         exposures.append(exposure)
         cameras.append(camera)
-    unseen = summary["unseen"] / summary["texels"]
     first = views[0]
     photographs = _count(len(capture.frames), "photograph")
     small = thinned(material)
@@ -87,11 +86,7 @@ def reconstruction_report(
         ),
         blend_map=blend_picture(small),
         coverage=coverage_picture(small),
-        coverage_note=(
-            f"{100 * unseen:.1f} % of the points are in no photograph; their blend is the nearest seen one's."
-            if unseen
-            else "Every point is in at least one photograph."
-        ),
+        coverage_note=coverage_note(summary),
         trust=trust_picture(material) if material.trust else None,
         photographs=photograph_rows(found.frames),
         maps=map_pictures(small),
@@ -112,6 +107,22 @@ def reconstruction_report(
         next_steps=next_steps(capture),
         version=version("swatchwork"),
     )
+
+
+def coverage_note(summary: dict[str, Any]) -> str:
+    """What share of the points has another's blend, and why."""
+    unseen, undecided = (100 * summary[name] / summary["texels"] for name in ("unseen", "undecided"))
+    notes = []
+    if unseen:
+        notes.append(
+            f"{unseen:.1f} % of the points are in no photograph; their blend is the nearest seen one's."
+        )
+    if undecided:
+        notes.append(
+            f"At {undecided:.1f} % no two photographs agree, or there is but one: they count as in none, and "
+            "have the nearest other's blend."
+        )
+    return " ".join(notes) or "Every point is in at least one photograph."
 
 
 def under_other_lights(scene: RelitScene, cameras: Sequence[Camera]) -> tuple[page.Picture, ...]:

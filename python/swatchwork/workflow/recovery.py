@@ -58,13 +58,15 @@ class ReconstructSummary:
     N: int
     status: str
     misfit: float
-    """Root mean square over texels of the relative error |s_hat - s| / |s_hat|."""
+    """Root mean square over texels of the relative error |s_hat - s| / |s_hat|; undecided ones do not count,
+    unless all are."""
     lambda0: float
     lambda1: float
     left_out: float
     """Share of the measurements that were left out as outliers; 0 where none were found."""
     undecided: int
-    """Texels whose views contradict one another: they have the nearest decided texel's blend."""
+    """Texels in photographs of which no two agree there, or in one alone, where there are outliers: they have
+    the nearest decided texel's blend."""
     interreflections: int
     """Rounds under the light that the object sends to itself."""
     indirect: IndirectShare | None
@@ -85,6 +87,8 @@ class ReconstructSummary:
         out = (
             f" {100 * self.left_out:.0f} % of the measurements left out as outliers." if self.left_out else ""
         )
+        if self.undecided:
+            unseen += f", {100 * self.undecided / self.texels:.1f} % undecided"
         rest = " (gone on from an interrupted run)" if self.resumed else ""
         bounced = f"{_sentence(self.indirect.in_words())}\n" if self.indirect else ""
         return (
@@ -315,9 +319,10 @@ def warn_of_outliers(found: Reconstruction, capture: Capture) -> None:
     undecided = len(found.blend.undecided) / len(found.observations.atlas)
     message = (
         f"{capture.file}: measurements that contradict those of the same point in other photographs were "
-        f"left out: {each}; expected none. At {100 * undecided:.0f} % of the points too few are left to "
-        "tell, and the nearest point's blend stands in. Look for hands, flies, labels or reflections of the "
-        "room in the photographs, mask them, or use --no-robust to count every measurement."
+        f"left out: {each}; expected none. At {100 * undecided:.0f} % of the points no two photographs "
+        "agree, or there is but one, and the nearest point's blend stands in. Look for hands, flies, "
+        "labels or reflections of the room in the photographs, mask them, or use --no-robust to count every "
+        "measurement."
     )
     warnings.warn(CaptureWarning(message), stacklevel=3)
 
@@ -373,7 +378,8 @@ def summarise(
 ) -> ReconstructSummary:
     """The plain numbers of a reconstruction begun at ``start`` (seconds of ``time.perf_counter``)."""
     atlas, seen = found.observations.atlas, found.observations.seen
-    residual = found.blend.residual.ravel()[atlas.pixel[seen]]
+    decided = np.setdiff1d(seen, found.blend.undecided, assume_unique=True)
+    residual = found.blend.residual.ravel()[atlas.pixel[decided if len(decided) else seen]]
     return ReconstructSummary(
         capture=str(capture.file),
         output=str(output),
