@@ -5,28 +5,40 @@
 from __future__ import annotations
 
 import json
+import shutil
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from swatchwork.capture import Capture, Photograph, read_capture, read_photograph
 from swatchwork.errors import CaptureWarning, InputError
-from swatchwork.keeping import IN_MEMORY
+from swatchwork.keeping import IN_MEMORY, Array, Kept
+from swatchwork.material import read_material
 from swatchwork.observe import Lights, Observations, Rendering, SmallPicture, observe
 from swatchwork.observe.pixels import pixel_map
-from swatchwork.reconstruct import ReconstructOptions, reconstruct, shadows_of, surface_of
+from swatchwork.reconstruct import ReconstructOptions, frame_options, reconstruct, shadows_of, surface_of
 from swatchwork.reflectance import basis_by_name
-from swatchwork.simulate import simulate_capture, slip_exposure, turn_light, turn_pose
+from swatchwork.simulate import simulate_capture, slip_exposure, spoil_capture, turn_light, turn_pose
 from swatchwork.solve import SolveOptions
-from swatchwork.streaming import Diagnosis, Evidence, FrameOptions, diagnose
+from swatchwork.streaming import (
+    Diagnosis,
+    Evidence,
+    FrameOptions,
+    blend_every_texel,
+    diagnose,
+    solve_on_subset,
+)
 from swatchwork.streaming.displaced import descend, misfit
+from swatchwork.streaming.frames import _all_scales
 from swatchwork.surface import Atlas, RayScene, SkyMasks, build_atlas
 from swatchwork.workflow.pages import photograph_rows
-from swatchwork.workflow.recovery import reconstruct_folder
+from swatchwork.workflow.recovery import left_out_by_frame, reconstruct_folder, recover
+from swatchwork.workflow.viewing import verdicts_of
 
 BAD = 2
 QUICK = ReconstructOptions(48, texels=80, solve=SolveOptions(n=1, N=2))
@@ -112,6 +124,59 @@ def test_scales_of_all_photographs(stage: Stage) -> None:
     assert np.log(found.scale).mean() == pytest.approx(0, abs=1e-9)
 
 
+@pytest.fixture(scope="module")
+def littered(stage: Stage, tmp_path_factory: pytest.TempPathFactory) -> Callable[[float], Capture]:
+    """The stage's capture with a share of its pixels outliers."""
+
+    def of(share: float) -> Capture:
+        folder = tmp_path_factory.mktemp("littered") / "capture"
+        shutil.copytree(stage.folder, folder)
+        spoil_capture(folder, share)
+        return read_capture(folder)
+
+    return of
+
+
+@pytest.mark.filterwarnings("ignore::swatchwork.errors.CaptureWarning")
+def test_a_wrong_photograph_is_named_among_outliers(
+    stage: Stage, littered: Callable[[float], Capture]
+) -> None:
+    capture = littered(0.05)
+    assert stage.diagnosed(capture).suspects == ()
+    turned = stage.diagnosed(turn_pose(capture, BAD, 5.0, "object"))
+    assert [(frame.name, frame.kind) for frame in turned.suspects] == [("images/0003.exr", "pose")]
+    # The search's last step is half a degree.
+    assert turned.suspects[0].degrees == pytest.approx(5, abs=1.6)
+    slipped = stage.diagnosed(slip_exposure(littered(0.2), BAD, 2.0))
+    assert [(frame.name, frame.kind) for frame in slipped.suspects] == [("images/0003.exr", "exposure")]
+    assert slipped.suspects[0].scale == pytest.approx(2.0, rel=0.08) and not slipped.doubt
+
+
+def test_too_many_contradictions_are_said() -> None:
+    sound = Diagnosis((Evidence("a", 100, misfit=0.2),) * 5, FrameOptions())
+    assert sound.doubt == "" and sound.as_dict()["doubt"] == ""
+    spoilt = Diagnosis((Evidence("a", 100, misfit=0.8),) * 5, FrameOptions())
+    assert "too many contradictions to judge" in spoilt.doubt and "0.80, expected at most" in spoilt.doubt
+    assert spoilt.as_dict()["doubt"] == spoilt.doubt and spoilt.in_words() == []
+
+
+def test_choices_that_exclude_one_another() -> None:
+    with pytest.raises(InputError, match="--keep-suspects or --frame-scale all, not both"):
+        FrameOptions("all", keep_suspects=True)
+    paper = ReconstructOptions(solve=SolveOptions(search_order="paper"))
+    assert frame_options(paper).keep_suspects and not frame_options(QUICK).keep_suspects
+    with pytest.raises(InputError, match="--search-order paper or --frame-scale all, not both"):
+        frame_options(replace(paper, frames=FrameOptions("all")))
+
+
+def test_a_frame_that_cannot_be_compared_keeps_its_exposure() -> None:
+    shown = [SimpleNamespace(exposure=np.full(size, off)) for size, off in ((50, 0.3), (50, 0.1), (5, 3.0))]
+    model = SimpleNamespace(fitted=None)
+    court = SimpleNamespace(each=lambda model: shown, foretold=SimpleNamespace(fit=lambda *given: model))
+    found = _all_scales(court, model, np.ones(3, bool), [Evidence(str(i)) for i in range(3)])  # type: ignore[arg-type]
+    np.testing.assert_allclose(np.log([frame.scale for frame in found]), [0.1, -0.1, 0.0], atol=1e-12)
+
+
 def evidence(kinds: list[str]) -> tuple[Evidence, ...]:
     return tuple(Evidence(f"{i}.exr", 100, 1.5, kind=kind) for i, kind in enumerate(kinds))  # type: ignore[arg-type]
 
@@ -125,6 +190,8 @@ def test_what_is_done_with_suspects() -> None:
     assert (never.scale == 1).all() and never.left_out.tolist() == [False, True, True, False, False]
     every = Diagnosis(found, FrameOptions(scale="all"))
     np.testing.assert_array_equal(every.scale, [1.5, 1.5, 1, 1.5, 1.5])
+    fewer = Diagnosis(found[:3], FrameOptions(scale="all"))
+    assert not fewer.changes and "3 photographs, expected at least 4" in fewer.in_words()[-1]
     kept = Diagnosis(found, FrameOptions(keep_suspects=True))
     assert not kept.changes and all("it was kept" in words for words in kept.in_words())
     few = Diagnosis(found[:3], FrameOptions())
@@ -188,11 +255,62 @@ def test_misfit_and_search() -> None:
 
 
 def test_the_clean_answer_is_the_plain_one(stage: Stage) -> None:
-    plain = reconstruct(stage.capture, replace(QUICK, frames=FrameOptions(keep_suspects=True)))
     found = reconstruct(stage.capture, QUICK)
-    np.testing.assert_array_equal(found.solution.representatives, plain.solution.representatives)
+    mesh, scene, resolution = surface_of(stage.capture, QUICK.resolution)
+    atlas = build_atlas(mesh, resolution)
+    observed = observe(stage.capture, atlas, scene)
+    rendering = Rendering(observed, Lights.of_capture(stage.capture), shadows_of(scene, atlas))
+    plain = solve_on_subset(rendering, found.basis, QUICK.texels, QUICK.solve)
+    np.testing.assert_array_equal(found.solution.representatives, plain.representatives)
+    blend = blend_every_texel(rendering, found.basis, plain, QUICK.solve.search, QUICK.solve.seed)
     for name in ("index", "weight", "residual"):
-        np.testing.assert_array_equal(getattr(found.blend, name), getattr(plain.blend, name))
+        np.testing.assert_array_equal(getattr(found.blend, name), getattr(blend, name))
+
+
+class Remembering:
+    """A keeper that holds on to every part, and stops before one."""
+
+    def __init__(self) -> None:
+        self.parts: dict[str, Kept] = {}
+        self.made: list[str] = []
+        self.stop = ""
+
+    def kept(self, name: str, make: Callable[[], Mapping[str, Array]]) -> Kept:
+        if name == self.stop:
+            raise KeyboardInterrupt
+        if name not in self.parts:
+            self.made.append(name)
+            self.parts[name] = IN_MEMORY.kept(name, make)
+        return self.parts[name]
+
+
+@pytest.mark.filterwarnings("ignore::swatchwork.errors.CaptureWarning")
+def test_left_out_with_outliers_and_interreflections_resumed(
+    stage: Stage, littered: Callable[[float], Capture]
+) -> None:
+    capture = turn_pose(littered(0.1), BAD, 5.0, "object")
+    options = ReconstructOptions(
+        48, texels=300, solve=SolveOptions(n=2, N=4, tolerance=0.05), interreflections=1
+    )
+    keeper = Remembering()
+    whole = reconstruct(capture, options, keeper=keeper)
+    np.testing.assert_array_equal(np.flatnonzero(whole.frames.left_out), [BAD])
+    assert whole.solution.outliers is not None and whole.indirect is not None
+    assert BAD not in whole.rendering.pairs(whole.observations.seen.astype(np.int64)).seen.frame
+    shares = whole.blend.left_out_by_frame
+    # A tenth of the pixels, and the samples that they have a part in.
+    assert shares is not None and np.delete(shares, BAD).min() > 0.05
+    assert left_out_by_frame(whole)["left_out_by_frame"][BAD] is None
+    half = Remembering()
+    half.stop = "bounce-1-solve"
+    with pytest.raises(KeyboardInterrupt):
+        reconstruct(capture, options, keeper=half)
+    half.stop, before = "", list(half.made)
+    again = reconstruct(capture, options, keeper=half)
+    assert before + half.made[len(before) :] == keeper.made and "frames" in before
+    np.testing.assert_array_equal(again.solution.representatives, whole.solution.representatives)
+    for name in ("index", "weight", "residual", "undecided"):
+        np.testing.assert_array_equal(getattr(again.blend, name), getattr(whole.blend, name))
 
 
 def test_it_is_said_in_terminal_report_and_record(stage: Stage, tmp_path: Path) -> None:
@@ -201,7 +319,10 @@ def test_it_is_said_in_terminal_report_and_record(stage: Stage, tmp_path: Path) 
     document = json.loads(whole)
     document["frames"][BAD]["exposure"] = 0.5
     file.write_text(json.dumps(document), encoding="utf-8")
+    by_hand = replace(QUICK, frames=FrameOptions("off"))
     try:
+        with pytest.warns(CaptureWarning, match=r"0003\.exr .* it was left out"):
+            without = recover(stage.folder, tmp_path / "without", by_hand, views=5, viewer=False)
         with pytest.warns(CaptureWarning, match=r"0003\.exr is [12]\.\d+ times .* it was scaled to them"):
             reconstruct_folder(stage.folder, tmp_path / "out", QUICK, viewer=False)
     finally:
@@ -211,6 +332,18 @@ def test_it_is_said_in_terminal_report_and_record(stage: Stage, tmp_path: Path) 
     record = json.loads((tmp_path / "out" / "svbrdf.json").read_text(encoding="utf-8"))["solver"]
     of = record["photographs"]["frames"][BAD]
     assert (of["kind"], of["done"]) == ("exposure", "scaled")
+    # The page of the viewer takes both from there.
+    material = read_material(tmp_path / "out")
+    assert verdicts_of(material)["images/0003.exr"] == (of["scale"], False)
+    assert verdicts_of(without.material)["images/0003.exr"] == (1.0, True)
+    assert verdicts_of(replace(material, solver={})) == {}
+    # Of five frames, pages show the first, third (were it not left out) and fourth.
+    assert [view.name for view in without.report.views] == [f"images/000{number}.exr" for number in (1, 2, 5)]
+    summary = without.summary
+    assert (summary.views, summary.views_left_out) == (4, 1)
+    assert [suspect["name"] for suspect in summary.as_dict()["suspects"]] == ["images/0003.exr"]
+    assert "4 photographs, 1 more left out" in summary.in_words()
+    assert "1 more left out" in (tmp_path / "without" / "report.html").read_text(encoding="utf-8")
 
 
 def test_faults_are_what_they_say(stage: Stage) -> None:

@@ -4,9 +4,11 @@
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -269,3 +271,36 @@ def test_a_blend_of_another_mesh_is_refused() -> None:
         RelitScene.of(replace(material, coverage=np.full((16, 16), -1, np.int32)))
     with pytest.raises(InputError, match="the atlas is 15 x 16"):
         RelitScene.of(replace(material, coverage=material.coverage[:, :15], index=material.index[:, :15]))
+
+
+def test_a_light_of_the_object_itself_goes_after_its_last_frame(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Sent:
+        pass
+
+    made: list[weakref.ref[Sent]] = []
+    alive: list[int] = []
+
+    def indirect(*_: object) -> Sent:
+        sent = Sent()
+        made.append(weakref.ref(sent))
+        return sent
+
+    def rendered(*_: object) -> np.ndarray:
+        alive.append(sum(reference() is not None for reference in made))
+        return np.zeros((2, 2, 4), np.float32)
+
+    monkeypatch.setattr("swatchwork.relight.frames.render", rendered)
+    camera = camera_towards(np.array([0.0, 0.0, 3.0]), 2)
+    lights = [EVEN, Environment(2 * EVEN.radiance, "blender"), Environment(3 * EVEN.radiance, "blender")]
+    order = [0, 1, 1, 0, 2]
+    source = [EnvironmentSource(tmp_path / f"{i}.exr", "blender", np.eye(3)) for i in range(3)]
+    frames = tuple(
+        Frame(f"{i}.exr", tmp_path / f"{i}.exr", None, 1.0, camera, source[light])
+        for i, light in enumerate(order)
+    )
+    capture = Capture(tmp_path, tmp_path / "transforms.json", None, (), None, frames)
+    monkeypatch.setattr(Lighting, "of", lambda self, _, frame: lights[source.index(frame.environment)])
+    relight(SimpleNamespace(indirect=indirect), capture, tmp_path / "out", previews=False)  # type: ignore[arg-type]
+    assert alive == [1, 2, 2, 1, 1] and len(made) == 3

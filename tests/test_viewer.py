@@ -209,6 +209,9 @@ def test_a_masked_photograph_keeps_its_surroundings_out(tmp_path: Path) -> None:
     source = EnvironmentSource(tmp_path / "env.exr", "mitsuba", np.eye(3))
     frame = Frame("a.exr", tmp_path / "a.exr", tmp_path / "mask.exr", 1.0, camera, source)
     pixels = shot_of(frame, 1.0, 0, np.eye(3)).pixels
+    scaled, wider = shot_of(frame, 1.0, 0, np.eye(3), scale=2.0), shot_of(frame, 2.0, 0, np.eye(3))
+    np.testing.assert_array_equal(scaled.pixels, wider.pixels)
+    assert scaled.white == 1.0 and (scaled.pixels != pixels).any()
     assert pixels.shape == (2, 640, 4)
     assert (pixels[:, :320, 3] == 255).all() and (pixels[:, 320, 3] == 128).all()
     assert (pixels[:, 321:] == 0).all()

@@ -54,7 +54,7 @@ class ReconstructOptions:
     memory: float = 2.0
     """GB that the search and the tiles may take beside atlas and photograph, about."""
     frames: FrameOptions = field(default_factory=FrameOptions)
-    """What is done with photographs that the others do not agree with."""
+    """What is done with photographs that the others do not agree with; in section 4's order they are kept."""
     interreflections: int = 0
     """Times to reconstruct anew under the light that the object, as then known, sends to itself."""
 
@@ -100,6 +100,7 @@ def reconstruct(
     """
     options = options or ReconstructOptions()
     basis, budget = basis_by_name(options.basis), Budget(options.memory)
+    suspects = frame_options(options)
     with progress.stage("surface"):
         mesh, scene, resolution = surface_of(capture, options.resolution, keeper)
         atlas = build_atlas(mesh, resolution)
@@ -109,7 +110,7 @@ def reconstruct(
         lights, how = Lights.of_capture(capture), options.solve
         rendering = Rendering(observations, lights, sky, options.weighting)
     with progress.stage("frames"):
-        given = (capture, scene.centre, options.frames, how.seed)
+        given = (capture, scene.centre, suspects, how.seed)
         frames = diagnose(rendering, basis, *given, progress, keeper)
         if frames.changes:
             observations = observations.corrected(frames.scale, frames.left_out)
@@ -152,6 +153,22 @@ def under_its_own_light(
             blend = blend_every_texel(rendering, basis, solution, *by, budget, progress, kept)
         found = replace(found, rendering=rendering, solution=solution, blend=blend, indirect=light)
     return found
+
+
+def frame_options(options: ReconstructOptions) -> FrameOptions:
+    """What is done with suspect photographs: in the paper's order, which uses all, they are only named.
+
+    Raises:
+        InputError: every exposure is to be corrected in that order.
+    """
+    if options.solve.search_order == "default":
+        return options.frames
+    if options.frames.scale == "all":
+        raise InputError(
+            "section 4's search takes photographs as they are, and every exposure is to be corrected",
+            expected="--search-order paper or --frame-scale all, not both",
+        )
+    return replace(options.frames, keep_suspects=True)
 
 
 def surface_of(

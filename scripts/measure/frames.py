@@ -4,7 +4,8 @@
 
     python scripts/measure/frames.py --captures ../shared/captures --json target/validation/frames.json
 
-Sound captures, made up and of measured materials, for false alarms. Then ten photographs with 1 % noise of
+Sound captures, made up and of measured materials, for false alarms. Made-up ones with outliers in every
+photograph, sound and with one wrong. Then ten photographs with 1 % noise of
 made-up objects, and the first ten of igea-merl, one of them with each fault: what is said of it, and (for the
 faults that `--nrms` names) novel-light NRMS as it is (`--keep-suspects`), as diagnosed, and with the frame
 left out by hand. n = 2 and N = 4 are given, atlas and search are small: alike in all columns.
@@ -32,7 +33,7 @@ from swatchwork.observe import Lights, Rendering, observe
 from swatchwork.reconstruct import ReconstructOptions, reconstruct, shadows_of, surface_of
 from swatchwork.reflectance import basis_by_name
 from swatchwork.relight import render
-from swatchwork.simulate import simulate_capture, slip_exposure, turn_light, turn_pose
+from swatchwork.simulate import simulate_capture, slip_exposure, spoil_capture, turn_light, turn_pose
 from swatchwork.solve import SolveOptions
 from swatchwork.streaming import Diagnosis, FrameOptions, diagnose
 from swatchwork.surface import build_atlas, read_mesh
@@ -147,21 +148,55 @@ def alarms(name: str, scene: Scene) -> dict[str, Any]:
     return row
 
 
-def cells(row: dict[str, Any]) -> list[str]:
-    """A row of the table."""
+def among_outliers(scene: Scene, share: float) -> Iterator[dict[str, Any]]:
+    """What is said of each fault that must be named, and of none, in a capture with outliers already."""
+    for name in ("none", *MUST):
+        fault, kind = FAULTS.get(name, (lambda c: c, ""))
+        found, seconds = scene.diagnosed(fault(scene.capture))
+        of = found.frames[BAD]
+        row = {
+            "scene": scene.name,
+            "outliers": share,
+            "fault": name,
+            "kind": of.kind,
+            "right": of.kind == kind,
+            "scale": of.scale,
+            "degrees": of.degrees,
+            "others": sum(bool(frame.kind) for i, frame in enumerate(found.frames) if i != BAD),
+            "usual": found.usual,
+            "doubt": bool(found.doubt),
+            "seconds": seconds,
+        }
+        print(results.table(OUTLIERS_HEAD, [outlier_cells(row)]), flush=True)
+        yield row
+
+
+def outlier_cells(row: dict[str, Any]) -> list[str]:
+    share, doubt = f"{row['outliers']:g} %", "yes" if row["doubt"] else "no"
+    return [row["scene"], share, row["fault"], said_of(row), str(row["others"]), f"{row['usual']:.2f}", doubt]
+
+
+def said_of(row: dict[str, Any]) -> str:
+    """What is said of the wrong photograph."""
     said = row["kind"] or "nothing"
     if row["kind"] == "exposure":
         said += f", x {row['scale']:.3f}"
     elif row["degrees"]:
         said += f", {row['degrees']:.1f} degrees"
+    return said
+
+
+def cells(row: dict[str, Any]) -> list[str]:
+    """A row of the table."""
     figures = ["-"] * 5
     if "as_is" in row:
         figures = [f"{100 * row[key]:.2f}" for key in ("as_is", "diagnosed", "left_out", "clean")]
         figures.append(f"{row['diagnosed'] / row['left_out']:.2f}")
-    return [row["scene"], row["fault"], said, str(row["others"]), *figures]
+    return [row["scene"], row["fault"], said_of(row), str(row["others"]), *figures]
 
 
 HEAD = ["capture", "fault", "said", "others named", "as is", "diagnosed", "left out", "clean", "ratio"]
+OUTLIERS_HEAD = ["capture", "outliers", "fault", "said", "others named", "typical misfit", "in doubt"]
 ALARM_HEAD = ["sound capture", "photographs", "named", "largest scale", "largest misfit"]
 
 
@@ -181,24 +216,30 @@ def main() -> None:
     parser.add_argument(
         "--noises", type=float, nargs="*", default=[0.0, 1.0, 5.0], help="of sound captures, %%"
     )
+    parser.add_argument(
+        "--outliers", type=float, nargs="*", default=[5.0, 20.0, 35.0], help="of pixels, %% of the object's"
+    )
     parser.add_argument("--work", type=Path, help="made-up captures stay here")
     parser.add_argument("--json", type=Path, help="write the figures here")
     args = parser.parse_args()
     warnings.simplefilter("ignore", CaptureWarning)
     rows: list[dict[str, Any]] = []
     sound: list[dict[str, Any]] = []
+    littered: list[dict[str, Any]] = []
 
     def note() -> None:
-        results.write(args.json, {"rows": rows, "sound": sound})
+        results.write(args.json, {"rows": rows, "sound": sound, "littered": littered})
 
     with tempfile.TemporaryDirectory() as scratch:
         work = args.work or Path(scratch)
 
-        def made_up(shape: str, seed: int, noise: float) -> Scene:
-            folder = work / f"{shape}-{seed}-{noise:g}"
+        def made_up(shape: str, seed: int, noise: float, outliers: float = 0.0) -> Scene:
+            folder = work / (f"{shape}-{seed}-{noise:g}" + (f"-{outliers:g}" if outliers else ""))
             if not (folder / "test" / "transforms.json").exists():
                 of = {"rows": ROWS, "k": VIEWS, "test_views": 3, "size": SIZE, "truth": "ggx"}
                 simulate_capture(folder, object_shape=shape, seed=seed, noise_percent=noise, **of)
+                if outliers:
+                    spoil_capture(folder, outliers / 100)
             return Scene(f"{shape}, seed {seed}", read_capture(folder))
 
         if args.captures:
@@ -211,6 +252,11 @@ def main() -> None:
                     scene = made_up(shape, seed, noise)
                     sound.append(alarms(f"{shape}, seed {seed}, {noise:g} % noise", scene))
                     note()
+        for share in args.outliers:
+            for shape in args.shapes:
+                for row in among_outliers(made_up(shape, 0, 1.0, share), share):
+                    littered.append(row)
+                    note()
         scenes = [made_up(shape, 0, 1.0) for shape in args.shapes]
         if args.captures:
             first = read_capture(args.captures / REAL[0]).first(VIEWS)
@@ -220,6 +266,7 @@ def main() -> None:
                 rows.append(row)
                 note()
     print(results.table(HEAD, [cells(row) for row in rows]))
+    print(results.table(OUTLIERS_HEAD, [outlier_cells(row) for row in littered]))
     print(results.table(ALARM_HEAD, [alarm_cells(row) for row in sound]))
 
 

@@ -386,7 +386,7 @@ on the console or asked for anything but itself.
 
 
 def frames_section(figures: Figures) -> str:
-    rows, sound = figures["rows"], figures["sound"]
+    rows, sound, littered = figures["rows"], figures["sound"], figures.get("littered", [])
     must = [row for row in rows if row["fault"] in frames.MUST]
     costed = [row for row in must if "as_is" in row]
     light = [row for row in rows if row["fault"] not in frames.MUST]
@@ -413,6 +413,11 @@ the {len(light)} milder faults {unnamed} are not named; the kind is wrong, or no
 {results.verdicts(verdicts)}
 
 {results.table(frames.HEAD, [frames.cells(row) for row in rows], markdown=True)}
+
+With outliers besides, in a share of the object's pixels of every photograph; *in doubt*: the summary says
+that there are too many contradictions to judge.
+
+{results.table(frames.OUTLIERS_HEAD, [frames.outlier_cells(row) for row in littered], markdown=True)}
 
 Sound captures: photographs named, the largest scale that one of them is measured to have against the others,
 and the largest misfit (0 to 1).

@@ -137,7 +137,11 @@ def reconstruct(
     ] = Search.exact,
     search_order: Annotated[
         SearchOrder,
-        typer.Option(help="Walk over n and N: ours, or the paper's loops exactly.", rich_help_panel=SEARCH),
+        typer.Option(
+            help="Walk over n and N: ours, or the paper's loops exactly, of all photographs: suspects are "
+            "named but kept.",
+            rich_help_panel=SEARCH,
+        ),
     ] = SearchOrder.default,
     weighting: Annotated[
         Weighting,
@@ -195,7 +199,8 @@ def reconstruct(
         bool,
         typer.Option(
             "--keep-suspects",
-            help="Name photographs whose exposure, pose or light looks wrong, but use them as they are.",
+            help="Name photographs whose exposure, pose or light looks wrong, but use them as they are. "
+            "Not with --frame-scale all.",
             rich_help_panel=PHOTOGRAPHS,
         ),
     ] = False,

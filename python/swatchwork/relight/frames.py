@@ -99,13 +99,17 @@ def relight(
     # Ask for every light first: a missing one should not come to light after an hour.
     lights = [lighting.of(cameras, frame) for frame in cameras.frames]
     done = []
+    # What the object sends to itself is large: a light's is kept until its last frame.
+    last = {id(light): number for number, light in enumerate(lights)}
     indirect: dict[int, IndirectLight | None] = {}
     with _alone(folder), progress.stage("relight", len(cameras.frames)) as task:
-        for frame, name, light in zip(cameras.frames, names, lights, strict=True):
+        for number, (frame, name, light) in enumerate(zip(cameras.frames, names, lights, strict=True)):
             task.describe(frame.name)
             if id(light) not in indirect:
                 indirect[id(light)] = scene.indirect(light, bounces, progress)
             image = render(scene, frame.camera, light, samples, indirect[id(light)])
+            if number == last[id(light)]:
+                del indirect[id(light)]
             exr, png = folder / f"{name}.exr", folder / f"{name}.png" if previews else None
             with whole_file(exr) as temporary:
                 write_exr(temporary, image)

@@ -92,6 +92,8 @@ class Report:
     spheres: tuple[Picture, ...] = ()
     blend_map: Picture | None = None
     photographs: tuple[PhotographRow, ...] = ()
+    photographs_doubt: str = ""
+    """Why more of them may be wrong than are said to be, in words that follow "there are"."""
     maps: tuple[Picture, ...] = ()
     trials: tuple[Trial, ...] = ()
     chosen: tuple[int, int] | None = None

@@ -159,7 +159,9 @@ def _together(r: Report) -> Html | None:
         "against them, and the misfit that is left after that, from 0 to 1. Gloss and rims are foretold less "
         "well than matte surfaces that many photographs show: only what stands far out is a suspect."
     )
-    return section("The photographs against each other", intro, photographs_together(r.photographs))
+    doubt = f"There are {r.photographs_doubt}." if r.photographs_doubt else None
+    rest = [el("p", el("strong", doubt))] if doubt else []
+    return section("The photographs against each other", intro, *rest, photographs_together(r.photographs))
 
 
 def _materials(r: Report) -> Html | None:

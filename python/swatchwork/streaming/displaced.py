@@ -22,6 +22,8 @@ DIM = 0.05
 """Share of the typical radiance that is added on both sides of a ratio."""
 TOLERATED = 0.1
 """Difference of logarithms at which a pair counts half of what an arbitrary one does."""
+FAR_OFF = float(np.log(2))
+"""Difference of logarithms from where a pair counts nearly 1: one of two radiances is something else's."""
 BRIGHT = 0.25
 """Of the typical radiance: exposures are told from what should show more than that, without any addition."""
 FEWEST = 30
@@ -88,6 +90,12 @@ class Displacements:
         lit = (self.radiance > 0).all(axis=1) & (self.foretold > 0).all(axis=1) & bright
         self.channels: F64 = np.log(self.radiance[lit] / self.foretold[lit])
         self.exposure: F64 = np.log(self.radiance[lit].mean(axis=1) / self.foretold[lit].mean(axis=1))
+
+    @property
+    def spoilt(self) -> float:
+        """Share of the pairs that are far off, which no displacement mends in a sound photograph."""
+        off = np.abs(self.difference - np.median(self.difference)) > FAR_OFF
+        return float(off.mean())
 
     def _sums(self, radiance: F64, foretold: F64) -> F64:
         floor = DIM * self.typical

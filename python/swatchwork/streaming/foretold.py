@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: MIT
 """What each photograph should show of some texels, foretold from the others.
 
-A rough model of fixed n and N is fitted to the trusted photographs. For each photograph every texel is
-blended anew without it, and the blend is rendered for it: where its camera and its light are said to be, or
-elsewhere. A trusted photograph still has its share in the representatives.
+A rough model of fixed n and N is fitted to the trusted photographs, to those measurements that agree: what
+stands before the object, or glints, in every photograph would else hide one that is wrong. For each
+photograph every texel is blended anew without it, and the blend is rendered for it: where its camera and its
+light are said to be, or elsewhere. A trusted photograph still has its share in the representatives.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ from ..arrays import F32, F64, I64, Bool, dot, unit
 from ..observe import Lights, Rendering, stratified
 from ..reflectance import GenericBasis
 from ..response import representative_responses
-from ..solve import Alternation, Problem, blend, quick
+from ..solve import Alternation, Problem, SolveOptions, blend, quick, settled_blend, trimmed_blend
+from ..solve.robust_start import robust_start
 
 TEXELS = 600
 """That the photographs are compared at."""
@@ -26,6 +28,10 @@ FEWEST_VIEWS = 3
 """Photographs that must show a texel: two others foretell what one shows."""
 BLENDED, MATERIALS = 2, 4
 """n and N of the rough model."""
+VOTES = 2
+"""On the measurements that agree, each by the model of those before."""
+AGREEING = 100
+"""Texels whose views must agree for a model of them alone."""
 
 
 class Foretold:
@@ -58,22 +64,50 @@ class Foretold:
         told = np.flatnonzero(counts)
         offsets = np.concatenate([[0], np.cumsum(counts[told])])
         problem = Problem(self._generic[rows], radiance[rows], offsets)
-        if previous is not None:
-            folded = problem.fold(previous.representatives)
-            found = blend(folded, problem.radiance, problem.offsets, BLENDED)
-            previous = replace(previous, weights=found.weights)
-        found_model = quick(problem, BLENDED, MATERIALS, previous)
-        return Model(self, found_model, trusted, radiance)
+        return Model(self, *_fitted(problem, previous), trusted, radiance)
+
+
+def _fitted(problem: Problem, previous: Alternation | None) -> tuple[Alternation, float | None]:
+    """A rough model of the measurements that agree, from ``previous`` on, and the scale of what it leaves.
+
+    Without a scale where too few texels have views that agree: then of all measurements.
+    """
+    start, options = previous, SolveOptions(n=BLENDED, N=MATERIALS)
+    representatives = robust_start(problem, options)[0] if start is None else start.representatives
+    for _ in range(VOTES):
+        of = problem.fold(representatives), problem.radiance, problem.offsets
+        trimmed = settled_blend(*of, BLENDED)
+        if np.count_nonzero(trimmed.agreed) < AGREEING:
+            return quick(problem, BLENDED, MATERIALS, start and _blended(problem, start)), None
+        part = problem.part(trimmed.kept, trimmed.agreed)
+        fitted = quick(part, BLENDED, MATERIALS, _blended(part, _of(representatives)))
+        representatives = fitted.representatives
+    return fitted, trimmed.settled
+
+
+def _of(representatives: F64) -> Alternation:
+    """Representatives as a model that knows no texels yet."""
+    nowhere = np.zeros((0, len(representatives)))
+    return Alternation(representatives, nowhere, np.zeros(0), np.inf, 0, False)
+
+
+def _blended(problem: Problem, model: Alternation) -> Alternation:
+    """A model of other measurements, blended for those of ``problem``."""
+    found = blend(problem.fold(model.representatives), problem.radiance, problem.offsets, BLENDED)
+    return replace(model, weights=found.weights)
 
 
 class Model:
     """A rough model with each photograph's pairs foretold by the trusted others.
 
-    ``rows`` says which pairs of each frame could be foretold; ``weights`` F64[R, N] are their blends.
+    ``rows`` says which pairs of each frame could be foretold; ``weights`` F64[R, N] are their blends, of the
+    other photographs' measurements that agree by ``scale`` (of all of them where it is None).
     """
 
-    def __init__(self, of: Foretold, fitted: Alternation, trusted: Bool, radiance: F32) -> None:
-        self.of, self.fitted, self.trusted = of, fitted, trusted
+    def __init__(
+        self, of: Foretold, fitted: Alternation, scale: float | None, trusted: Bool, radiance: F32
+    ) -> None:
+        self.of, self.fitted, self.scale, self.trusted = of, fitted, scale, trusted
         representatives = fitted.representatives
         self._responses: F32 = np.einsum("pjc,njc->pnc", of._generic, representatives, optimize=True).astype(
             np.float32
@@ -94,9 +128,11 @@ class Model:
         if not len(mine):
             return mine, np.zeros((0, self.fitted.N))
         offsets = np.concatenate([[0], np.cumsum(counts[wanted])])
-        found = blend(self._responses[used], radiance[used], offsets, BLENDED)
+        given = self._responses[used], radiance[used], offsets, BLENDED
         # A texel's pairs of one frame are one: `mine` rises by texel, as the wanted do.
-        return mine, found.weights
+        if self.scale is None:
+            return mine, blend(*given).weights
+        return mine, trimmed_blend(*given, self.scale).blend.dense(self.fitted.N)
 
     def radiance(self, frame: int) -> F64:
         """What the frame should show [R, 3]."""

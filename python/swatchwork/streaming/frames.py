@@ -208,7 +208,9 @@ def _evidence(court: Court, model: Model, frame: int, closely: bool = False) -> 
         ("light", "", d.light(court.axis(frame))),
     ]
     kind, about, best = min(tried, key=lambda t: t[2].misfit)
-    explains = best.gain > EXPLAINED and best.without - best.misfit > EXPLAINED_MISFIT
+    spoilt = float(np.median([e.spoilt for e in each if len(e.difference) >= FEWEST] or [0.0]))
+    explained = best.without - best.misfit
+    explains = explained > EXPLAINED * (best.without - spoilt) and explained > EXPLAINED_MISFIT
     if explains and best.degrees >= FEWEST_DEGREES[kind]:
         return replace(plain, kind=kind, about=about, degrees=best.degrees, explained=best.misfit)
     sure = SURE * max(error, 1.4826 * float(np.median(np.abs(medians))) if len(medians) else np.inf)
@@ -221,12 +223,17 @@ def _evidence(court: Court, model: Model, frame: int, closely: bool = False) -> 
 
 
 def _all_scales(court: Court, model: Model, trusted: Bool, evidence: list[Evidence]) -> list[Evidence]:
-    """Every frame's scale against all others', with a mean logarithm of 0 over the trusted ones."""
+    """Every frame's scale against all others', with a mean logarithm of 0 over the trusted ones.
+
+    A frame that could not be compared keeps its exposure, and has no say in the mean.
+    """
     scale = np.zeros(len(evidence))
     for _ in range(ROUNDS_OF_ALL):
-        found = np.array([np.median(d.exposure) if len(d.exposure) else 0.0 for d in court.each(model)])
+        each = court.each(model)
+        known = np.array([len(d.exposure) >= FEWEST for d in each])
         # What is foretold knows the scales so far, what is shown does not.
-        scale = np.where(np.isfinite(found), found, 0.0)
-        scale -= scale[trusted].mean()
+        scale = np.array([np.median(d.exposure) if k else 0.0 for d, k in zip(each, known, strict=True)])
+        if (known & trusted).any():
+            scale[known] -= scale[known & trusted].mean()
         model = court.foretold.fit(trusted, np.exp(scale), model.fitted)
     return [replace(e, scale=float(np.exp(s))) for e, s in zip(evidence, scale, strict=True)]

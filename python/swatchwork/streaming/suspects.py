@@ -11,6 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ..arrays import F64, Bool
+from ..errors import InputError
 from ..keeping import Array, Kept
 
 Kind = Literal["", "exposure", "pose", "light", "disagrees"]
@@ -18,6 +19,9 @@ FrameScale = Literal["off", "suspects", "all"]
 
 FEWEST_FRAMES = 4
 """Photographs below which suspects are named but kept: of three, the wrong one may have had its way."""
+UNJUDGED = 0.6
+"""Misfit of the typical photograph from which a wrong one may not stand out: with a fifth of the pixels
+outliers it is 0.5, and double exposures and poses 5 degrees off are found; with a third not all are."""
 TINTED = 1.1
 """Between the scales of two channels, from where white balance is worth a word."""
 
@@ -29,7 +33,14 @@ class FrameOptions:
     scale: FrameScale = "suspects"
     """Whose exposure is corrected: of none (suspects are left out), of suspects, or of every photograph."""
     keep_suspects: bool = False
-    """Name them, and use them as they are; with ``scale`` all, every exposure is corrected nevertheless."""
+    """Name them, and use them as they are."""
+
+    def __post_init__(self) -> None:
+        if self.keep_suspects and self.scale == "all":
+            raise InputError(
+                "photographs are to be used as they are, and every exposure to be corrected",
+                expected="--keep-suspects or --frame-scale all, not both",
+            )
 
 
 @dataclass(frozen=True)
@@ -86,26 +97,42 @@ class Diagnosis:
     @property
     def scale(self) -> F64:
         """[k] that each photograph's radiance is to be divided by."""
+        return np.array([frame.scale if self._scales(frame) else 1.0 for frame in self.frames])
+
+    def _scales(self, frame: Evidence) -> bool:
         every = self.options.scale == "all"
-        return np.array(
-            [
-                frame.scale
-                if (every or (self.acts and self.options.scale == "suspects" and frame.kind == "exposure"))
-                and not self._leaves_out(frame)
-                else 1.0
-                for frame in self.frames
-            ]
-        )
+        slipped = frame.kind == "exposure" and self.options.scale == "suspects"
+        return self.acts and (every or slipped) and not self._leaves_out(frame)
 
     @property
     def changes(self) -> bool:
         """Whether the measurements are others than the photographs'."""
         return bool(self.left_out.any() or (self.scale != 1).any())
 
+    @property
+    def usual(self) -> float:
+        """Misfit of the typical photograph."""
+        return float(np.median([f.misfit for f in self.frames if f.points and not f.kind] or [0.0]))
+
+    @property
+    def doubt(self) -> str:
+        """Why photographs may be wrong that are not named, in words; empty where none can be."""
+        if self.usual <= UNJUDGED:
+            return ""
+        return (
+            f"too many contradictions to judge single photographs (the typical misfit is {self.usual:.2f}, "
+            f"expected at most {UNJUDGED:g})"
+        )
+
     def in_words(self) -> list[str]:
-        """A sentence or two for each suspect."""
-        usual = float(np.median([f.misfit for f in self.frames if f.points and not f.kind] or [0.0]))
-        return [self._said(frame, usual) for frame in self.suspects]
+        """A sentence or two for each suspect, and one where exposures cannot be corrected as was asked."""
+        said = [self._said(frame, self.usual) for frame in self.suspects]
+        if self.options.scale == "all" and not self.acts:
+            said.append(
+                f"exposures were left as they are: {len(self.frames)} photographs, expected at least "
+                f"{FEWEST_FRAMES} to tell whose is off. Add photographs or leave out --frame-scale all."
+            )
+        return said
 
     def _said(self, frame: Evidence, usual: float) -> str:
         if frame.kind == "exposure":
@@ -152,6 +179,7 @@ class Diagnosis:
         ]
         return {
             "options": asdict(self.options),
+            "doubt": self.doubt,
             "frames": [asdict(frame) | {"done": what} for frame, what in zip(self.frames, done, strict=True)],
         }
 

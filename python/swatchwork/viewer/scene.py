@@ -88,15 +88,15 @@ class ViewerScene:
             raise InputError("a viewer without light", expected="at least one environment")
 
 
-def shot_of(frame: Frame, white: float, light: int, turn: F64) -> Shot:
-    """A frame's photograph at page size, its lens distortion taken out.
+def shot_of(frame: Frame, white: float, light: int, turn: F64, scale: float = 1.0) -> Shot:
+    """A frame's photograph at page size, its lens distortion taken out, its radiance divided by ``scale``.
 
     Raises:
         InputError: the image cannot be read.
     """
     photograph, camera = read_photograph(frame), frame.camera
-    scale = min(1.0, PHOTOGRAPH_PX / max(camera.width, camera.height))
-    width, height = max(1, round(camera.width * scale)), max(1, round(camera.height * scale))
+    shrunken = min(1.0, PHOTOGRAPH_PX / max(camera.width, camera.height))
+    width, height = max(1, round(camera.width * shrunken)), max(1, round(camera.height * shrunken))
     x, y = width / camera.width, height / camera.height
     small = replace(
         camera, width=width, height=height, fx=camera.fx * x, fy=camera.fy * y, cx=camera.cx * x,
@@ -109,7 +109,7 @@ def shot_of(frame: Frame, white: float, light: int, turn: F64) -> Shot:
     if any((camera.k1, camera.k2, camera.p1, camera.p2)):
         radiance = _undistorted(radiance, camera)
     fitted = np.asarray(cv2.resize(radiance, (width, height), interpolation=cv2.INTER_AREA), np.float32)
-    fitted[..., :3] = np.clip(fitted[..., :3] / white, 0, 1) ** (1 / 2.2)
+    fitted[..., :3] = np.clip(fitted[..., :3] / (white * scale), 0, 1) ** (1 / 2.2)
     return Shot(frame.name, np.round(255 * np.clip(fitted, 0, 1)).astype(np.uint8), white, small, light, turn)
 
 

@@ -51,7 +51,8 @@ def reconstruction_report(
     summary: dict[str, Any],
 ) -> page.Report:
     """Everything the page of one reconstruction shows."""
-    chosen = [capture.frames[i] for i in spread(len(capture.frames), SHOWN_VIEWS)]
+    used = np.flatnonzero(~found.frames.left_out)
+    chosen = [capture.frames[used[i]] for i in spread(len(used), SHOWN_VIEWS)]
     scene = relit(found)
     views, exposures, cameras = [], [], []
     for frame in chosen:
@@ -67,7 +68,7 @@ def reconstruction_report(
         exposures.append(exposure)
         cameras.append(camera)
     first = views[0]
-    photographs = _count(len(capture.frames), "photograph")
+    photographs = _count(summary["views"], "photograph")
     small = thinned(material)
     return page.Report(
         title=capture.root.resolve().name,
@@ -89,6 +90,7 @@ def reconstruction_report(
         coverage_note=coverage_note(summary),
         trust=trust_picture(material) if material.trust else None,
         photographs=photograph_rows(found.frames),
+        photographs_doubt=found.frames.doubt,
         maps=map_pictures(small),
         trials=tuple(page.Trial(t.n, t.N, t.objective) for t in found.solution.history),
         chosen=(material.n, material.N),
@@ -185,7 +187,11 @@ def headline(summary: dict[str, Any]) -> tuple[page.Figure, ...]:
             "material" if summary["N"] == 1 else "materials",
             f"{summary['n']} blended at a point" if summary["n"] > 1 else "one at each point",
         ),
-        page.Figure(str(summary["views"]), "photograph" if summary["views"] == 1 else "photographs"),
+        page.Figure(
+            str(summary["views"]),
+            "photograph" if summary["views"] == 1 else "photographs",
+            f"{summary['views_left_out']} more left out" if summary["views_left_out"] else "",
+        ),
         page.Figure(
             f"{summary['texels']:,}", "surface points", f"atlas of {summary['resolution']} texels a side"
         ),

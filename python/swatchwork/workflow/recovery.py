@@ -51,6 +51,13 @@ class ReconstructSummary:
     output: str
     basis: str
     views: int
+    """Photographs that the material rests on."""
+    views_left_out: int
+    """Further ones, with something wrong."""
+    suspects: tuple[dict[str, Any], ...]
+    """Photographs that the others do not agree with: what was found, and what was done."""
+    doubt: str
+    """Why there may be more of them, in words; empty where nothing speaks for that."""
     resolution: int
     texels: int
     unseen: int
@@ -94,9 +101,18 @@ class ReconstructSummary:
         return (
             f"{self.N} materials, {self.n} blended at a point ({self.status}); relative misfit "
             f"{100 * self.misfit:.1f} % at {self.texels:,} surface points{unseen}.{out}\n{bounced}"
-            f"{self.views} photographs, {self.seconds:.1f} s{rest}, peak {self.peak_mb:.0f} MB. "
+            f"{self.photographs}, {self.seconds:.1f} s{rest}, peak {self.peak_mb:.0f} MB. "
             f"Material in {self.output}"
         )
+
+    @property
+    def photographs(self) -> str:
+        """How many were used, left out and scaled, and whether they could be judged."""
+        scaled = sum(suspect["done"] == "scaled" for suspect in self.suspects)
+        words = f"{self.views} photographs"
+        words += f", {self.views_left_out} more left out" if self.views_left_out else ""
+        words += f", {scaled} of them scaled" if scaled else ""
+        return words + (f", {self.doubt}" if self.doubt else "")
 
 
 @dataclass(frozen=True)
@@ -299,9 +315,15 @@ def warn_of_bright_materials(material: Material, capture: Capture) -> None:
 
 
 def left_out_by_frame(found: Reconstruction) -> dict[str, Any]:
-    """For svbrdf.json: the share of each frame's measurements left out, where outliers were found."""
+    """For svbrdf.json: the share of each frame's measurements left out, where outliers were found.
+
+    None for a frame that was left out altogether.
+    """
     shares = found.blend.left_out_by_frame
-    return {} if shares is None else {"left_out_by_frame": [round(float(share), 4) for share in shares]}
+    if shares is None:
+        return {}
+    each = zip(shares, found.frames.left_out, strict=True)
+    return {"left_out_by_frame": [None if out else round(float(share), 4) for share, out in each]}
 
 
 def warn_of_outliers(found: Reconstruction, capture: Capture) -> None:
@@ -314,7 +336,9 @@ def warn_of_outliers(found: Reconstruction, capture: Capture) -> None:
     if shares is None:
         return
     each = ", ".join(
-        f"{frame.name} {100 * share:.0f} %" for frame, share in zip(capture.frames, shares, strict=True)
+        f"{frame.name} {100 * share:.0f} %"
+        for frame, share, out in zip(capture.frames, shares, found.frames.left_out, strict=True)
+        if not out
     )
     undecided = len(found.blend.undecided) / len(found.observations.atlas)
     message = (
@@ -384,7 +408,10 @@ def summarise(
         capture=str(capture.file),
         output=str(output),
         basis=found.basis.name,
-        views=len(capture.frames),
+        views=len(capture.frames) - int(found.frames.left_out.sum()),
+        views_left_out=int(found.frames.left_out.sum()),
+        suspects=tuple(frame for frame in found.frames.as_dict()["frames"] if frame["kind"]),
+        doubt=found.frames.doubt,
         resolution=atlas.resolution,
         texels=len(atlas),
         unseen=len(atlas) - len(seen),

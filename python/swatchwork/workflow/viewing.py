@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
 from os import PathLike
 from pathlib import Path
@@ -125,14 +125,16 @@ def viewer_of(
     shown: list[Light] = []
     shots: list[Shot] = []
     if capture is not None and lights is not None:
-        many = len(lights.environments) > 1
+        many, verdicts = len(lights.environments) > 1, verdicts_of(material)
         for i, environment in enumerate(lights.environments):
             shown.append(Light.of(f"the capture's{f', {i + 1}' if many else ''}", environment))
         for i in spread(len(capture.frames), SHOWN_SHOTS):
             frame, light = capture.frames[i], int(lights.of_frame[i])
             white = 4 * float(lights.environments[light].mean_radiance.mean())
             turn = lights.turn[i] @ lights.environments[light].world_from_environment
-            shots.append(shot_of(frame, white, light, turn))
+            scale, left_out = verdicts.get(frame.name, (1.0, False))
+            shot = shot_of(frame, white, light, turn, scale)
+            shots.append(replace(shot, name=f"{frame.name} (left out)") if left_out else shot)
     shown += further
     shown += [Light.of(name, procedural_environment(kind, 0, height=64)) for name, kind in MADE_UP]
     return ViewerScene(
@@ -145,6 +147,18 @@ def viewer_of(
         notes=notes_of(material),
         version=version("swatchwork"),
     )
+
+
+def verdicts_of(material: Material) -> dict[str, tuple[float, bool]]:
+    """By frame: what its radiance was divided by for the material, and whether it was left out.
+
+    Empty of a material made before photographs were compared.
+    """
+    record = material.solver.get("photographs", {})
+    return {
+        frame["name"]: (frame["scale"] if frame["done"] == "scaled" else 1.0, frame["done"] == "left out")
+        for frame in record.get("frames", ())
+    }
 
 
 def maps_of(material: Material) -> tuple[TexelMap, ...]:
