@@ -36,8 +36,9 @@ from swatchwork.streaming import (
 from swatchwork.streaming.displaced import descend, misfit
 from swatchwork.streaming.frames import _all_scales
 from swatchwork.surface import Atlas, RayScene, SkyMasks, build_atlas
+from swatchwork.workflow.cautions import left_out_by_frame
 from swatchwork.workflow.pages import photograph_rows
-from swatchwork.workflow.recovery import left_out_by_frame, reconstruct_folder, recover
+from swatchwork.workflow.recovery import reconstruct_folder, recover
 from swatchwork.workflow.viewing import verdicts_of
 
 BAD = 2

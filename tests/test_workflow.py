@@ -26,7 +26,8 @@ from swatchwork.workflow import (
     reconstruct_folder,
     relight_folder,
 )
-from swatchwork.workflow.recovery import collected_warnings, warn_of_bright_materials, whole_folder_is_free
+from swatchwork.workflow.cautions import collected_warnings, warn_of_bright_materials
+from swatchwork.workflow.recovery import whole_folder_is_free
 from swatchwork.workflow.relighting import given_environment, rotation_matrix
 
 

@@ -20,7 +20,7 @@ import results
 import same_bits
 from same_bits import contents
 
-from swatchwork.workflow.recovery import digest_of_the_package
+from swatchwork.workflow import digest_of_the_package
 
 HERE = Path(__file__).resolve().parent
 SOURCES = [file for file in HERE.glob("*.py") if file.name != "page.py"]

@@ -373,7 +373,7 @@ def viewer_section(figures: Figures) -> str:
 
 The page of `swatchwork view` in headless Chromium, drawn by software on two cores (no graphics card).
 Canvases: the whole still picture of so many *passes* (a person's has 64), against `relight`, three cameras
-and two lights each, A > 0.5; *sampling* is how far `relight` is from itself with {viewer.FINE} x {viewer.FINE}
+and two lights each, A > 0.5; *sampling*: how far `relight` is from itself with {viewer.FINE} x {viewer.FINE}
 shadings a pixel. First picture: from opening the file, the median of {viewer.LOADS} loads. No page said
 anything on the console or asked for anything but itself.
 

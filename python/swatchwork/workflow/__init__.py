@@ -12,6 +12,7 @@ from .costs import CostRecorder, StageCost
 from .demonstration import DemoSummary, run_demo
 from .describing import describe
 from .exporting import ExportSummary, export_material
+from .identity import digest_of_the_package, fingerprints
 from .measuring import evaluate_folders
 from .planning import PlanSummary, plan_views
 from .preparing_calibrate import calibrate_photographs
@@ -19,9 +20,10 @@ from .preparing_linearize import linearize_photographs
 from .preparing_pairs import PairsSummary, prepare_pairs
 from .preparing_probe import prepare_probe
 from .preparing_register import RegisterSummary, register_photographs
-from .recovery import ReconstructSummary, digest_of_the_package, fingerprints, reconstruct_folder
+from .recovery import reconstruct_folder
 from .relighting import RelightSummary, given_environment, relight_folder
 from .scenes import environments_of
+from .summary import ReconstructSummary
 from .viewing import ViewSummary, view_folder
 
 __all__ = [

@@ -4,115 +4,32 @@
 
 from __future__ import annotations
 
-import hashlib
-import os
 import time
-import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
-from importlib.metadata import version
 from os import PathLike
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ..analysis import fit_error_model, spread_of_representatives
 from ..arrays import F64
 from ..capture import Capture, read_capture
-from ..errors import CaptureWarning
 from ..interreflection import IndirectShare, indirect_share
-from ..material import BasisRecord, ErrorModel, Material, is_material_folder, normal_albedo, write_material
+from ..material import BasisRecord, ErrorModel, Material, is_material_folder, write_material
 from ..progress import SILENT, Progress
 from ..reconstruct import Reconstruction, ReconstructOptions, reconstruct
 from ..report import Report, write_report
-from ..response import instruction_sets
-from ..surface import buffers_of
 from ..viewer import bundled_script, write_viewer
 from ..whole import whole_folder
+from .cautions import collected_warnings, left_out_by_frame, warn_of_bright_materials, warn_of_outliers
 from .checkpoints import checkpoints
-from .costs import CostRecorder, StageCost
+from .costs import CostRecorder
+from .identity import fingerprints, key_of
 from .pages import reconstruction_report, relit
+from .summary import ReconstructSummary, summarise
 from .viewing import VIEWER, viewer_of
-
-BRIGHTEST_ALBEDO = 1.05
-"""Directional albedo at normal incidence above which exposures are in doubt; the excess is room for noise."""
-
-CARRIED_SHARE = 0.01
-"""Share of the blend weight from which a representative counts: rare ones rest on too few measurements."""
-
-
-@dataclass(frozen=True)
-class ReconstructSummary:
-    """What a reconstruction found and cost, in plain numbers."""
-
-    capture: str
-    output: str
-    basis: str
-    views: int
-    """Photographs that the material rests on."""
-    views_left_out: int
-    """Further ones, with something wrong."""
-    suspects: tuple[dict[str, Any], ...]
-    """Photographs that the others do not agree with: what was found, and what was done."""
-    doubt: str
-    """Why there may be more of them, in words; empty where nothing speaks for that."""
-    resolution: int
-    texels: int
-    unseen: int
-    n: int
-    N: int
-    status: str
-    misfit: float
-    """Root mean square over texels of the relative error |s_hat - s| / |s_hat|; undecided ones do not count,
-    unless all are."""
-    lambda0: float
-    lambda1: float
-    left_out: float
-    """Share of the measurements that were left out as outliers; 0 where none were found."""
-    undecided: int
-    """Texels in photographs of which no two agree there, or in one alone, where there are outliers: they have
-    the nearest decided texel's blend."""
-    interreflections: int
-    """Rounds under the light that the object sends to itself."""
-    indirect: IndirectShare | None
-    """How much of the light that was; None where it was ignored."""
-    seconds: float
-    peak_mb: float
-    resumed: bool
-    """Whether it went on from an interrupted run, so that `seconds` and `stages` are the rest's."""
-    stages: tuple[StageCost, ...]
-
-    def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return asdict(self)
-
-    def in_words(self) -> str:
-        """Two lines for a person, three with interreflections."""
-        unseen = f", {100 * self.unseen / self.texels:.1f} % of them in no photograph" if self.unseen else ""
-        out = (
-            f" {100 * self.left_out:.0f} % of the measurements left out as outliers." if self.left_out else ""
-        )
-        if self.undecided:
-            unseen += f", {100 * self.undecided / self.texels:.1f} % undecided"
-        rest = " (gone on from an interrupted run)" if self.resumed else ""
-        bounced = f"{_sentence(self.indirect.in_words())}\n" if self.indirect else ""
-        return (
-            f"{self.N} materials, {self.n} blended at a point ({self.status}); relative misfit "
-            f"{100 * self.misfit:.1f} % at {self.texels:,} surface points{unseen}.{out}\n{bounced}"
-            f"{self.photographs}, {self.seconds:.1f} s{rest}, peak {self.peak_mb:.0f} MB. "
-            f"Material in {self.output}"
-        )
-
-    @property
-    def photographs(self) -> str:
-        """How many were used, left out and scaled, and whether they could be judged."""
-        scaled = sum(suspect["done"] == "scaled" for suspect in self.suspects)
-        words = f"{self.views} photographs"
-        words += f", {self.views_left_out} more left out" if self.views_left_out else ""
-        words += f", {scaled} of them scaled" if scaled else ""
-        return words + (f", {self.doubt}" if self.doubt else "")
 
 
 @dataclass(frozen=True)
@@ -203,10 +120,6 @@ def recover(
     return Recovered(capture, found, material, summary, report)
 
 
-def _sentence(words: str) -> str:
-    return f"{words[:1].upper()}{words[1:]}."
-
-
 @contextmanager
 def whole_folder_is_free(output: str | PathLike[str]) -> Iterator[None]:
     """Raise what :func:`whole.whole_folder` would raise for ``output``, before anything is computed."""
@@ -220,22 +133,6 @@ def whole_folder_is_free(output: str | PathLike[str]) -> Iterator[None]:
     except Untouched:
         pass
     yield
-
-
-@contextmanager
-def collected_warnings() -> Iterator[list[str]]:
-    """CaptureWarnings given within, in words and without repeats; they go on to whoever listened before."""
-    said: list[str] = []
-    with warnings.catch_warnings():
-        listener = warnings.showwarning
-
-        def show(message: Warning | str, category: type[Warning], *rest: Any) -> None:
-            if issubclass(category, CaptureWarning) and str(message) not in said:
-                said.append(str(message))
-            listener(message, category, *rest)
-
-        warnings.showwarning = show  # type: ignore[assignment]
-        yield said
 
 
 def material_of(
@@ -290,143 +187,3 @@ def share_of(found: Reconstruction, options: ReconstructOptions) -> IndirectShar
     if found.indirect is None:
         return None
     return indirect_share(found.rendering, found.surface, options.solve.seed)
-
-
-def warn_of_bright_materials(material: Material, capture: Capture) -> None:
-    """Warn of representatives that reflect more light than they receive.
-
-    Warns:
-        CaptureWarning: some representative that carries at least 1 % of the blend weight has a directional
-            albedo at normal incidence above 1.05 in a channel.
-    """
-    share = material.shares
-    albedo = np.einsum("j,njc->nc", normal_albedo(material.basis), material.representatives)
-    bright = np.flatnonzero((share >= CARRIED_SHARE) & (albedo.max(axis=1) > BRIGHTEST_ALBEDO))
-    if len(bright):
-        each = ", ".join(
-            f"{i + 1} (albedo {albedo[i].max():.2f}, {100 * share[i]:.0f} % of it)" for i in bright
-        )
-        message = (
-            f"{capture.file}: the object reflects more light at normal incidence than it receives: "
-            f"representative {each}; expected albedos up to 1. Check that photographs and environment have "
-            "one exposure and unit: the frames' exposure values, and the light probe's scale and its sun."
-        )
-        warnings.warn(CaptureWarning(message), stacklevel=3)
-
-
-def left_out_by_frame(found: Reconstruction) -> dict[str, Any]:
-    """For svbrdf.json: the share of each frame's measurements left out, where outliers were found.
-
-    None for a frame that was left out altogether.
-    """
-    shares = found.blend.left_out_by_frame
-    if shares is None:
-        return {}
-    each = zip(shares, found.frames.left_out, strict=True)
-    return {"left_out_by_frame": [None if out else round(float(share), 4) for share, out in each]}
-
-
-def warn_of_outliers(found: Reconstruction, capture: Capture) -> None:
-    """Say what share of each frame's measurements was left out.
-
-    Warns:
-        CaptureWarning: outliers were found.
-    """
-    shares = found.blend.left_out_by_frame
-    if shares is None:
-        return
-    each = ", ".join(
-        f"{frame.name} {100 * share:.0f} %"
-        for frame, share, out in zip(capture.frames, shares, found.frames.left_out, strict=True)
-        if not out
-    )
-    undecided = len(found.blend.undecided) / len(found.observations.atlas)
-    message = (
-        f"{capture.file}: measurements that contradict those of the same point in other photographs were "
-        f"left out: {each}; expected none. At {100 * undecided:.0f} % of the points no two photographs "
-        "agree, or there is but one, and the nearest point's blend stands in. Look for hands, flies, "
-        "labels or reflections of the room in the photographs, mask them, or use --no-robust to count every "
-        "measurement."
-    )
-    warnings.warn(CaptureWarning(message), stacklevel=3)
-
-
-def key_of(prints: dict[str, str], options: ReconstructOptions) -> dict[str, Any]:
-    """What the parts of an interrupted run must agree on, to be gone on from."""
-    return {
-        "version": version("swatchwork"),
-        "code": digest_of_the_package(),
-        "kernels": instruction_sets()[-1],
-        "threads": os.environ.get("RAYON_NUM_THREADS") or os.cpu_count(),
-        "inputs": prints,
-        "options": asdict(options),
-    }
-
-
-def digest_of_the_package() -> str:
-    """SHA-256 of the package's sources and native core: parts of another build are not gone on from."""
-    package = Path(__file__).resolve().parents[1]
-    digest = hashlib.sha256()
-    for file in sorted(f for f in package.rglob("*") if f.suffix in {".py", ".so", ".pyd"}):
-        digest.update(file.relative_to(package).as_posix().encode() + file.read_bytes())
-    return digest.hexdigest()
-
-
-def fingerprints(capture: Capture) -> dict[str, str]:
-    """SHA-256 of every file the capture names, by its path from the capture's folder."""
-    files = [capture.file, capture.mesh_path, *capture.occluder_paths]
-    files += [
-        e.file for e in (capture.environment, *(f.environment for f in capture.frames)) if e is not None
-    ]
-    files += [p for f in capture.frames for p in (f.image_path, f.mask_path)]
-    files += [p for mesh in (capture.mesh_path, *capture.occluder_paths) if mesh for p in buffers_of(mesh)]
-    found: dict[str, str] = {}
-    for file in files:
-        if file is not None:
-            name = Path(os.path.relpath(file, capture.root)).as_posix()
-            if name not in found:
-                with file.open("rb") as stream:
-                    found[name] = hashlib.file_digest(stream, "sha256").hexdigest()
-    return found
-
-
-def summarise(
-    found: Reconstruction,
-    capture: Capture,
-    output: str | PathLike[str],
-    start: float,
-    interreflections: int,
-    indirect: IndirectShare | None,
-    costs: list[StageCost],
-    resumed: bool,
-) -> ReconstructSummary:
-    """The plain numbers of a reconstruction begun at ``start`` (seconds of ``time.perf_counter``)."""
-    atlas, seen = found.observations.atlas, found.observations.seen
-    decided = np.setdiff1d(seen, found.blend.undecided, assume_unique=True)
-    residual = found.blend.residual.ravel()[atlas.pixel[decided if len(decided) else seen]]
-    return ReconstructSummary(
-        capture=str(capture.file),
-        output=str(output),
-        basis=found.basis.name,
-        views=len(capture.frames) - int(found.frames.left_out.sum()),
-        views_left_out=int(found.frames.left_out.sum()),
-        suspects=tuple(frame for frame in found.frames.as_dict()["frames"] if frame["kind"]),
-        doubt=found.frames.doubt,
-        resolution=atlas.resolution,
-        texels=len(atlas),
-        unseen=len(atlas) - len(seen),
-        n=found.solution.n,
-        N=len(found.solution.representatives),
-        status=found.solution.status,
-        misfit=float(np.sqrt(np.mean(np.square(residual), dtype=np.float64))),
-        lambda0=float(found.solution.lambda0),
-        lambda1=float(found.solution.lambda1),
-        left_out=found.blend.left_out,
-        undecided=len(found.blend.undecided),
-        interreflections=interreflections,
-        indirect=indirect,
-        seconds=time.perf_counter() - start,
-        peak_mb=max((cost.peak_mb for cost in costs), default=0.0),
-        resumed=resumed,
-        stages=tuple(costs),
-    )
