@@ -54,5 +54,9 @@ def test_a_known_limit_is_told_from_what_holds_and_what_fails(tmp_path: Path) ->
     ]
     faults_page.write(tmp_path / "page.md", {"memory": shared.rows_of(rows)})
     text = (tmp_path / "page.md").read_text()
-    assert "| a | 1 | good | holds |" in text and "| b | 1 | bad | **fails** |" in text
+    assert (
+        "| a | 1 | good | holds |" in text
+        and "| b | 1 | bad | **fails** |" in text
+        and f"commit {shared.results.COMMIT} (" in text
+    )
     assert "| c | 1 | known | known limit |" in text and "forked" in text

@@ -147,7 +147,7 @@ def test_an_image_larger_than_what_is_left(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 def test_embree_is_not_asked_without_memory_for_it() -> None:
-    """It crashes where it cannot begin its threads: in a process of its own, whose first scene it is."""
+    """It crashes where its first scene is refused memory: so in a process of its own."""
     code = (
         "from test_out_of_memory import under_a_limit; from swatchwork.simulate import shape\n"
         "from swatchwork.surface.rays import RayScene\n"

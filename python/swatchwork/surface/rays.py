@@ -25,8 +25,8 @@ OFFSET = 1e-5
 # Below this cosine a texel counts as unseen (design 2).
 GRAZING = 0.03
 CHUNK = 1 << 16
-BYTES_A_THREAD = 72 << 20
-"""Of address space that Embree takes when its threads begin: a stack of 8 MB and a heap of 64 MB."""
+BYTES_OF_THE_FIRST = 160 << 20
+"""Of address space that Embree takes for a process's first scene: 131 MB, with one core as with two."""
 BYTES_A_FACE = 500
 """Of Embree's tree, while it is built; generous."""
 LOWEST_COSINE = 0.02
@@ -60,7 +60,7 @@ class RayScene:
         self.meshes = tuple(meshes)
         self.centre, self.radius = meshes[0].bounds
         _need_memory(BYTES_A_FACE * sum(len(mesh.faces) for mesh in meshes))
-        _need_threads()
+        _need_memory_of_the_first()
         self._scene = EmbreeScene(robust=True)
         for mesh in meshes:
             TriangleMesh(
@@ -199,6 +199,6 @@ def _need_memory(count: int) -> None:
 
 
 @cache
-def _need_threads() -> None:
-    """As `_need_memory`, for what begins with a process's first scene."""
-    _need_memory(BYTES_A_THREAD * (os.cpu_count() or 1))
+def _need_memory_of_the_first() -> None:
+    """As `_need_memory`, for what a process's first scene begins with."""
+    _need_memory(BYTES_OF_THE_FIRST)
