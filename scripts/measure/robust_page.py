@@ -87,10 +87,10 @@ def weighed(figures: dict[str, Any]) -> str:
         "NRMS %",
     ]
     points = figures["sources"]["weighed"]["texels"]
-    return f"""The same ({points} points), every point counted *alike* as in the table above, and *weighed* by its
-read noise as `reconstruct` does (that noise given; on captures it is estimated). *Noisy* points are those
-that then count less. A point's coverage gives it no weight of its own: the relative error of Eq. 5 is a sum
-over its views already, and a point that few views see is as much of the surface.
+    return f"""The same ({points} points), every point counted *alike* as in the table above, and *weighed*
+by its read noise as `reconstruct` does (that noise given; on captures it is estimated). *Noisy* points are
+those that then count less. A point's coverage gives it no weight of its own: the relative error of Eq. 5 is a
+sum over its views already, and a point that few views see is as much of the surface.
 
 {results.table(head, rows, markdown=True)}"""
 
