@@ -7,6 +7,8 @@
 
 noise     two blended of four materials, 0 to 5 % of noise times, and half as many per cent of the median
           measurement added: n, N, novel-light NRMS (design 7), --seeds seeds, both truths
+weighed   the same at its most noise, every point counted alike and by its noise as the pipeline does
+          (swatchwork.observe.noise_shares, from the noise that was added): novel-light NRMS of both
 outliers  whole captures, a fifth of the object's pixels replaced by blobs of another colour and by spikes
           (swatchwork.simulate.spoil_capture): NRMS of the clean ones, of the spoilt, and of the spoilt
           with every measurement counted
@@ -36,13 +38,21 @@ import two_of_four as tables
 
 from swatchwork.capture import read_capture, read_image, read_photograph
 from swatchwork.evaluate import nrms
+from swatchwork.observe import NoiseModel, noise_shares
+from swatchwork.observe.noise import INTERPOLATED
 from swatchwork.reconstruct import ReconstructOptions
 from swatchwork.reflectance import basis_by_name
-from swatchwork.simulate import satin_materials, simulate_capture, spoil_capture, two_of_four
-from swatchwork.solve import Problem, SolveOptions, solve_robustly
+from swatchwork.simulate import (
+    SyntheticProblem,
+    satin_materials,
+    simulate_capture,
+    spoil_capture,
+    two_of_four,
+)
+from swatchwork.solve import Problem, Solution, SolveOptions, solve_robustly
 from swatchwork.workflow import reconstruct_folder, relight_folder
 
-PARTS = ("noise", "outliers", "cost")
+PARTS = ("noise", "weighed", "outliers", "cost")
 LEVELS = (0.0, 1.0, 2.0, 3.0, 5.0)
 READ = 0.5
 """Read noise, in % of the median measurement, for each % of multiplicative noise."""
@@ -52,24 +62,32 @@ RESOLUTION, TEXELS, SIZE, VIEWS = 96, 1500, 128, 12
 REPEATS = 2
 
 
+def made_with(args: argparse.Namespace, truth: str, seed: int, level: float) -> SyntheticProblem:
+    return two_of_four(
+        6,
+        seed,
+        truth,
+        noise_percent=level,
+        read_percent=READ * level,
+        texels=args.texels,
+        basis=basis_by_name("paper"),
+        **tables.lights(args.data),
+    )
+
+
+def novel_light(made: SyntheticProblem, found: Solution) -> float:
+    every = np.broadcast_to(np.arange(found.N, dtype=np.uint32), found.weights.shape)
+    return made.novel(found.representatives, every, found.weights)
+
+
 def noise(args: argparse.Namespace) -> list[dict[str, Any]]:
-    light, rows = tables.lights(args.data), []
+    rows = []
     for level in LEVELS:
         for truth in ("basis", "ggx"):
             for seed in range(args.seeds):
-                made = two_of_four(
-                    6,
-                    seed,
-                    truth,
-                    noise_percent=level,
-                    read_percent=READ * level,
-                    texels=args.texels,
-                    basis=basis_by_name("paper"),
-                    **light,
-                )
+                made = made_with(args, truth, seed, level)
                 problem = Problem(made.responses, made.radiance, made.offsets)
                 found = solve_robustly(problem, SolveOptions())
-                every = np.broadcast_to(np.arange(found.N, dtype=np.uint32), found.weights.shape)
                 rows.append(
                     {
                         "noise": level,
@@ -77,12 +95,31 @@ def noise(args: argparse.Namespace) -> list[dict[str, Any]]:
                         "seed": seed,
                         "n": found.n,
                         "N": found.N,
-                        "nrms": made.novel(found.representatives, every, found.weights),
+                        "nrms": novel_light(made, found),
                         "floor": tables.floor(made, problem),
                         "outliers": found.outliers and asdict(found.outliers),
                     }
                 )
                 print(rows[-1], flush=True)
+    return rows
+
+
+def weighed(args: argparse.Namespace) -> list[dict[str, Any]]:
+    level, rows = LEVELS[-1], []
+    for truth in ("basis", "ggx"):
+        for seed in range(args.seeds):
+            made = made_with(args, truth, seed, level)
+            # What is added here is the sample's noise; the model is of pixels, between which samples lie.
+            read = READ * level / 100 * float(np.median(made.radiance)) / np.sqrt(INTERPOLATED)
+            share = noise_shares(NoiseModel(read, 0.0), made.radiance, made.offsets)
+            row: dict[str, Any] = {"noise": level, "truth": truth, "seed": seed}
+            row["noisy"] = float((share < 1).mean())
+            for name, of in (("alike", None), ("weighed", share / share.max())):
+                problem = Problem(made.responses, made.radiance, made.offsets, of)
+                found = solve_robustly(problem, SolveOptions())
+                row[name] = {"n": found.n, "N": found.N, "nrms": novel_light(made, found)}
+            rows.append(row)
+            print(row, flush=True)
     return rows
 
 
@@ -205,7 +242,7 @@ def main() -> None:
         figures = json.loads(args.json.read_text())
     figures["sources"] = figures.get("sources", {})
     for part in args.only:
-        figures[part] = {"noise": noise, "outliers": outliers, "cost": cost}[part](args)
+        figures[part] = {"noise": noise, "weighed": weighed, "outliers": outliers, "cost": cost}[part](args)
         figures["sources"][part] = {
             "command": results.command(),
             "commit": results.COMMIT,

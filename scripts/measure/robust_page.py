@@ -20,7 +20,7 @@ Rows = list[dict[str, Any]]
 
 def section(figures: dict[str, Any]) -> str:
     """The parts that were measured, each with its source."""
-    parts = [("noise", noise), ("outliers", outliers), ("cost", cost)]
+    parts = [("noise", noise), ("weighed", weighed), ("outliers", outliers), ("cost", cost)]
     return "\n\n".join(
         f"{_source(figures['sources'][name])}\n\n{write(figures)}" for name, write in parts if name in figures
     )
@@ -66,6 +66,35 @@ measurement times N(0,1). NRMS is of the novel light in views that were not meas
 {results.table(head, rows, markdown=True)}"""
 
 
+def weighed(figures: dict[str, Any]) -> str:
+    runs: Rows = figures["weighed"]
+    rows = []
+    for truth in dict.fromkeys(run["truth"] for run in runs):
+        of = [run for run in runs if run["truth"] == truth]
+        noisy = 100 * sum(run["noisy"] for run in of) / len(of)
+        cells = [f"{of[0]['noise']:g} %, {truth}", len(of), f"{noisy:.0f}"]
+        for case in ("alike", "weighed"):
+            found = sum((run[case]["n"], run[case]["N"]) == (2, 4) for run in of)
+            cells += [found, f"{100 * sum(run[case]['nrms'] for run in of) / len(of):.3f}"]
+        rows.append(cells)
+    head = [
+        "noise, truth",
+        "seeds",
+        "noisy %",
+        "alike: found 2, 4",
+        "NRMS %",
+        "weighed: found 2, 4",
+        "NRMS %",
+    ]
+    points = figures["sources"]["weighed"]["texels"]
+    return f"""The same ({points} points), every point counted *alike* as in the table above, and *weighed*
+by its read noise as `reconstruct` does (that noise given; on captures it is estimated). *Noisy* points are
+those that then count less. A point's coverage gives it no weight of its own: the relative error of Eq. 5 is a
+sum over its views already, and a point that few views see is as much of the surface.
+
+{results.table(head, rows, markdown=True)}"""
+
+
 def outliers(figures: dict[str, Any]) -> str:
     runs: Rows = figures["outliers"]
     names = list(dict.fromkeys((run["shape"], run["seed"]) for run in runs))
@@ -92,8 +121,8 @@ def outliers(figures: dict[str, Any]) -> str:
     head = ["capture", "n, N", "NRMS %", "over clean", "left out %", "undecided %", "CPU s"]
     return f"""Captures of 12 photographs (128 pixels, GGX, 1 % noise and read noise), a fifth of the
 object's pixels replaced by blobs of another colour and by single bright pixels; a third of the samples are
-touched. *All counted* is `--no-robust`. *Undecided* are texels of whose views no two agree: they have the
-blend of the nearest other. NRMS of clean test frames under another light.
+touched. *All counted* is `--no-robust`. *Undecided* are texels of whose views no two agree, or that one
+view sees: they have the blend of the nearest other. NRMS of clean test frames under another light.
 
 {results.verdicts(verdicts)}
 

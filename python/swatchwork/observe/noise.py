@@ -139,9 +139,9 @@ def noise_shares(model: NoiseModel, radiance: F32, offsets: I64) -> F64:
     """What each texel [M] should count by its noise, the most 1.
 
     A texel counts in full while its samples' noise is below what models leave anyway (``COMPARABLE``), and by
-    inverse variance beyond. Where that concerns few texels all count in full. On two-of-four blends with read
-    noise of 5 % of the median measurement, that takes novel-light NRMS from 2.3 and 4.0 to 2.0 and 2.8 %.
-    Weighing the views of a texel by their variance as well gained nothing more.
+    inverse variance beyond. Where that concerns few texels all count in full. What that gains is measured by
+    scripts/measure/robust.py, part ``weighed``. How many views see a texel is no weight: Eq. 5 sums over them
+    relative to their energy, and a texel that few see is as much of the surface.
 
     Args:
         radiance: [P, 3] measured, not weighted; ``offsets`` [M + 1].

@@ -121,9 +121,11 @@ def trimmed_blend(
     size = expected(radiance, offsets, usual)
     kept = np.ones(len(radiance), dtype=bool)
     views = np.diff(offsets)
-    for k in np.unique(views[views > 1]):
-        subsets = _subsets(int(k), np.random.default_rng([seed, 9, int(k)]))
-        step = max(1, ROWS_AT_ONCE // (len(subsets) * max(int(k), 2)))
+    rng = np.random.default_rng([seed, 9])
+    # Those of counts of views that no texel here has are drawn too: elsewhere some may have them.
+    for k in range(2, int(views.max()) + 1):
+        subsets = _subsets(k, rng)
+        step = max(1, ROWS_AT_ONCE // (len(subsets) * k))
         for texels in _runs(np.flatnonzero(views == k), step):
             rows = offsets[texels][:, None] + np.arange(k)
             part = responses[rows], radiance[rows], size[rows]
