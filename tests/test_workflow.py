@@ -44,8 +44,8 @@ def material(capture: Path) -> Path:
     summary = reconstruct_folder(capture, folder, options)
     assert (summary.n, summary.N, summary.views, summary.resolution) == (1, 2, 4, 32)
     stages = [stage.name for stage in summary.stages]
-    assert stages[:5] == ["read", "surface", "observe", "respond", "solve"]
-    assert set(stages[5:-3]) <= {"survey", "solve on"}  # as often as the subset grows
+    assert stages[:6] == ["read", "surface", "observe", "frames", "respond", "solve"]
+    assert set(stages[6:-3]) <= {"survey", "solve on"}  # as often as the subset grows
     assert stages[-3:] == ["blend", "trust", "write"]
     json.dumps(summary.as_dict(), allow_nan=False)
     return folder
