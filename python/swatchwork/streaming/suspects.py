@@ -21,7 +21,8 @@ FEWEST_FRAMES = 4
 """Photographs below which suspects are named but kept: of three, the wrong one may have had its way."""
 UNJUDGED = 0.6
 """Misfit of the typical photograph from which a wrong one may not stand out: with a fifth of the pixels
-outliers it is 0.5, and double exposures and poses 5 degrees off are found; with a third not all are."""
+outliers it is 0.5, and double exposures and poses 5 degrees off are found; with a third of them it is 0.8,
+and such a pose is not."""
 TINTED = 1.1
 """Between the scales of two channels, from where white balance is worth a word."""
 
