@@ -86,6 +86,13 @@ def test_wrong_input_keeps_what_was_finished(tmp_path: Path) -> None:
     assert keeper.resumed == ["one"]
 
 
+def test_input_that_is_wrong_for_good_leaves_nothing(tmp_path: Path) -> None:
+    with pytest.raises(InputError), checkpoints(tmp_path / "out", {}, lambda: True) as keeper:
+        keeper.kept("one", lambda: {"numbers": NUMBERS})
+        raise InputError("the photograph is truncated")
+    assert not list(tmp_path.iterdir())
+
+
 def test_wrong_input_before_the_first_part_leaves_nothing(tmp_path: Path) -> None:
     with pytest.raises(InputError), checkpoints(tmp_path / "out", {}):
         raise InputError("no")

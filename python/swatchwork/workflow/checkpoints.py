@@ -84,8 +84,14 @@ class Checkpoints:
 
 
 @contextmanager
-def checkpoints(output: str | PathLike[str], key: Mapping[str, Any]) -> Iterator[Checkpoints]:
+def checkpoints(
+    output: str | PathLike[str], key: Mapping[str, Any], settled: Callable[[], bool] = lambda: False
+) -> Iterator[Checkpoints]:
     """The finished parts of the run into ``output`` that ``key`` describes; removed when the block ends well.
+
+    Args:
+        settled: asked after an InputError: whether the input still is what ``key`` says, so that the same run
+            would fail again, and its parts are removed too.
 
     Raises:
         InputError: another run is writing there.
@@ -107,10 +113,10 @@ def checkpoints(output: str | PathLike[str], key: Mapping[str, Any]) -> Iterator
                 raise
         try:
             yield Checkpoints(folder)
-        except BaseException:
-            # Wrong input too keeps what was finished: a drive that comes back, or a name in the way moved
-            # elsewhere, leaves the input as it was. Input put right is other input, whose key clears them.
-            if not any(path.is_dir() for path in folder.iterdir()):
+        except BaseException as error:
+            # Input put right is other input: nothing could go on from here. A drive that comes back is not.
+            useless = isinstance(error, InputError) and settled()
+            if useless or not any(path.is_dir() for path in folder.iterdir()):
                 _remove(folder)
             raise
         _remove(folder)

@@ -38,6 +38,14 @@ def digest_of_the_package() -> str:
     return digest.hexdigest()
 
 
+def as_it_was(capture: Capture, prints: dict[str, str]) -> bool:
+    """Whether all files of a capture are there as their fingerprints say."""
+    try:
+        return fingerprints(capture) == prints
+    except OSError:
+        return False
+
+
 def fingerprints(capture: Capture) -> dict[str, str]:
     """SHA-256 of every file the capture names, by its path from the capture's folder."""
     files = [capture.file, capture.mesh_path, *capture.occluder_paths]

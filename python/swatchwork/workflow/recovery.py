@@ -26,7 +26,7 @@ from ..whole import whole_folder
 from .cautions import collected_warnings, left_out_by_frame, warn_of_bright_materials, warn_of_outliers
 from .checkpoints import checkpoints
 from .costs import CostRecorder
-from .identity import fingerprints, key_of
+from .identity import as_it_was, fingerprints, key_of
 from .pages import reconstruction_report, relit
 from .summary import ReconstructSummary, summarise
 from .viewing import VIEWER, viewer_of
@@ -90,7 +90,7 @@ def recover(
             capture = read_capture(capture_folder)
             capture = capture.first(views) if views is not None else capture
             prints = fingerprints(capture)
-        with checkpoints(output, key_of(prints, options)) as keeper:
+        with checkpoints(output, key_of(prints, options), lambda: as_it_was(capture, prints)) as keeper:
             found = reconstruct(capture, options, costs, keeper)
             resumed = bool(keeper.resumed)
             with costs.stage("trust"):
