@@ -53,7 +53,21 @@ def exporting(target: str, output: str = "OUT/o") -> Writer:
 
 
 RELIGHT = ("relight", "M", "--cameras", "C/test/transforms.json", "-o", "OUT/o", "--samples", "1", "-q")
-PLAN = ("plan", "-o", "OUT/o", "--shape", "sphere", "--candidates", "20", "--size", "16", "-q", "--views")
+LIGHT = ("--environment", "C/env.exr", "--convention", "blender")
+PLAN = (
+    "plan",
+    "-o",
+    "OUT/o",
+    "--shape",
+    "sphere",
+    *LIGHT,
+    "--candidates",
+    "20",
+    "--size",
+    "16",
+    "-q",
+    "--views",
+)
 VIEW = ("-o", "OUT/o.html", "--no-open", "-q")
 WRITERS = (
     Writer(
