@@ -372,10 +372,10 @@ def viewer_section(figures: Figures) -> str:
     return f"""{source(figures)}
 
 The page of `swatchwork view` in headless Chromium, drawn by software on two cores (no graphics card).
-Canvases: the whole still picture of so many *passes* (a person's has 64), against `relight`, three cameras
-and two lights each, A > 0.5; *fine*: against `relight --samples {viewer.FINE}`, *sampling*: of `relight` against
-that, the worst of each. First picture: from opening the file, the median of {viewer.LOADS} loads. No page said
-anything on the console or asked for anything but itself.
+Canvases: the whole still picture of so many *passes* (a person's has 64), against `relight`, three
+cameras and two lights each, A > 0.5; *fine*: against `relight --samples {viewer.FINE}`, *sampling*: of
+`relight` against that, the worst of each. First picture: from opening the file, the median of
+{viewer.LOADS} loads. No page said anything on the console or asked for anything but itself.
 
 {results.verdicts(verdicts)}
 

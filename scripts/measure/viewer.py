@@ -4,10 +4,11 @@
 
     python scripts/measure/viewer.py --captures ../shared/captures --json target/validation/viewer.json
 
-Pages are those of `swatchwork view` for materials reconstructed here. *worst*, *mean*: NRMS (A > 0.5) of the
-whole still canvas against `relight`, from three test cameras, under two of the page's lights; *fine*: the
-worst against `relight --samples 8`; *sampling*: of `relight` against that, the worst. *first picture*: seconds
-from opening the file, median of five loads in a window of 1280 x 800. Chromium draws by software (SwiftShader).
+Pages are those of `swatchwork view` for materials reconstructed here. *worst*, *mean*: NRMS (A > 0.5) of
+the whole still canvas against `relight`, from three test cameras, under two of the page's lights; *fine*:
+the worst against `relight --samples 8`; *sampling*: of `relight` against that, the worst. *first picture*:
+seconds from opening the file, median of five loads in a window of 1280 x 800. Chromium draws by software
+(SwiftShader).
 """
 
 from __future__ import annotations
