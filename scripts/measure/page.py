@@ -366,16 +366,17 @@ LARGEST_PAGE_MB, SLOWEST_S = 20.0, 3.0
 
 def viewer_section(figures: Figures) -> str:
     canvases, pages = figures["canvases"], figures["pages"]
-    verdicts = [(f"{r['name']}: worst canvas", r["worst"], CANVAS_BOUNDS[r["name"]], "%") for r in canvases]
+    verdicts = [(f"{r['name']}: worst canvas", r["nrms"], CANVAS_BOUNDS[r["name"]], "%") for r in canvases]
     verdicts += [(f"{r['name']}: page", r["megabytes"], LARGEST_PAGE_MB, "MB") for r in pages]
     verdicts += [(f"{r['name']}: first picture", r["first_picture_s"], SLOWEST_S, "s") for r in pages]
     return f"""{source(figures)}
 
 The page of `swatchwork view` in headless Chromium, drawn by software on two cores (no graphics card).
-Canvases: the whole still picture of so many *passes* (a person's has 64), against `relight`, three
-cameras and two lights each, A > 0.5; *fine*: against `relight --samples {viewer.FINE}`, *sampling*: of
-`relight` against that, the worst of each. First picture: from opening the file, the median of
-{viewer.LOADS} loads. No page said anything on the console or asked for anything but itself.
+Canvases: still pictures of so many *passes* (a person's has 64), by evenly drawn windows of 16 x 16
+pixels of the object, against `relight`, three cameras and two lights each, A > 0.5; *fine*: against
+`relight --samples {viewer.FINE}`, *sampling*: of `relight` against that, the worst of each. First
+picture: from opening the file, the median of {viewer.LOADS} loads. No page said anything on the console
+or asked for anything but itself.
 
 {results.verdicts(verdicts)}
 
