@@ -8,13 +8,13 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from scripts_of import scripts_of
 from swatchwork.whole import (
     folders,
     set_aside,
@@ -24,8 +24,8 @@ from swatchwork.whole import (
 from swatchwork.workflow.together import files_together
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.append(str(ROOT / "scripts" / "faults"))
-from stepping import fresh_copy, stepped, undisturbed  # noqa: E402
+with scripts_of("faults"):
+    from stepping import fresh_copy, stepped, undisturbed
 
 pytestmark = [
     pytest.mark.skipif(not hasattr(os, "fork"), reason="faults are made in forked processes"),

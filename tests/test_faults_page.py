@@ -4,18 +4,17 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.append(str(ROOT / "scripts" / "faults"))
-sys.path.append(str(ROOT / "scripts"))
-import shared  # noqa: E402
+from scripts_of import scripts_of
 
-import reliability  # noqa: E402
+ROOT = Path(__file__).resolve().parents[1]
+with scripts_of("faults"):
+    import shared
+
+    import reliability
 
 
 def test_each_part_of_the_page_is_its_own(tmp_path: Path) -> None:
@@ -42,11 +41,6 @@ def test_what_other_code_found_is_not_used(tmp_path: Path) -> None:
 
 
 def test_a_known_limit_is_told_from_what_holds_and_what_fails(tmp_path: Path) -> None:
-    # By its place: other scripts have a page.py, too.
-    spec = importlib.util.spec_from_file_location("faults_page", shared.HERE / "page.py")
-    assert spec is not None and spec.loader is not None
-    faults_page = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(faults_page)
     rows = [
         shared.Row("a", 1, "good", True),
         shared.Row("b", 1, "bad", False),

@@ -5,16 +5,15 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import pytest
 
+from scripts_of import scripts_of
 from swatchwork.errors import InputError
 
-FUZZ = Path(__file__).resolve().parents[1] / "scripts" / "fuzz"
 WORKER = """import json, os, sys, time
 for line in sys.stdin:
     if line.strip() == "1": time.sleep(60)
@@ -26,8 +25,7 @@ for line in sys.stdin:
 @pytest.fixture(scope="module")
 def fuzz() -> Any:
     """The fuzzer's modules, which are scripts, by name."""
-    sys.path.insert(0, str(FUZZ))
-    try:
+    with scripts_of("fuzz"):
         import captures
         import case
         import others
@@ -35,8 +33,6 @@ def fuzz() -> Any:
         import run
 
         yield {"captures": captures, "case": case, "others": others, "page": page, "run": run}
-    finally:
-        sys.path.remove(str(FUZZ))
 
 
 @pytest.fixture(scope="module")

@@ -5,14 +5,13 @@
 from __future__ import annotations
 
 import json
-import sys
 from dataclasses import replace
 from hashlib import sha256
-from pathlib import Path
 
 import numpy as np
 import pytest
 
+from scripts_of import scripts_of
 from swatchwork.capture import (
     Camera,
     Capture,
@@ -28,8 +27,8 @@ from swatchwork.simulate import shape
 from swatchwork.surface import write_mesh_obj
 from swatchwork.workflow.lighting import light_capture
 
-sys.path.append(str(Path(__file__).resolve().parents[1] / "scripts" / "faults"))
-from stepping import fresh_copy, stepped
+with scripts_of("faults"):
+    from stepping import fresh_copy, stepped
 
 
 @pytest.fixture

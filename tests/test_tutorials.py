@@ -7,21 +7,20 @@ from __future__ import annotations
 import re
 import shlex
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image as Pillow
 
+from scripts_of import scripts_of
 from swatchwork.cli import main
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / "scripts" / "tutorials"))
-
-import blocks  # noqa: E402
-import pictures  # noqa: E402
-import run  # noqa: E402
+with scripts_of("tutorials"):
+    import blocks
+    import pictures
+    import run
 
 FILES = [run.TUTORIALS / f"{name}.md" for name in run.ORDER]
 ALL_PICTURES_BYTES = 1_500_000
