@@ -12,6 +12,7 @@ from scripts_of import scripts_of
 
 ROOT = Path(__file__).resolve().parents[1]
 with scripts_of("faults"):
+    import page as faults_page
     import shared
 
     import reliability
