@@ -13,6 +13,8 @@ import { lightFromWorld, orbitLens, viewOf } from "./view.js";
 const FINE = 32, COARSEST = 8;
 /** Of a finished picture; maps need no lookups, only antialiasing. */
 const PASSES = ROUNDS * STILL.passes, MAP_PASSES = 16;
+/** Pixels of the very first picture: what the graphics card can do is not known yet. */
+const FIRST_PX = 6000;
 /** Milliseconds that a band, and a picture while moving, should take. */
 const BAND_MS = 14, MOVING_MS = 30;
 /** Passes before their sum replaces the picture drawn while moving; where that is coarse, the first one does. */
@@ -154,6 +156,7 @@ export class Stage {
   #move() {
     const { renderer, moving } = this, { canvas } = renderer;
     this.started = performance.now();
+    if (this.stats.firstPicture === null) moving.scale = Math.min(moving.scale, Math.sqrt(FIRST_PX / (canvas.width * canvas.height)));
     const width = Math.max(1, Math.round(canvas.width * moving.scale)), height = Math.max(1, Math.round(canvas.height * moving.scale));
     if (this.quick?.width !== width || this.quick?.height !== height) {
       this.quick?.free();
