@@ -366,7 +366,11 @@ LARGEST_PAGE_MB, SLOWEST_S = 20.0, 3.0
 
 def viewer_section(figures: Figures) -> str:
     canvases, pages = figures["canvases"], figures["pages"]
-    verdicts = [(f"{r['name']}: worst canvas", r["nrms"], CANVAS_BOUNDS[r["name"]], "%") for r in canvases]
+    verdicts = [
+        (f"{r['name']}: worst canvas, against {what}", r[key], CANVAS_BOUNDS[r["name"]], "%")
+        for r in canvases
+        for key, what in (("nrms", "relight"), ("fine", f"relight --samples {viewer.FINE}"))
+    ]
     verdicts += [(f"{r['name']}: page", r["megabytes"], LARGEST_PAGE_MB, "MB") for r in pages]
     verdicts += [(f"{r['name']}: first picture", r["first_picture_s"], SLOWEST_S, "s") for r in pages]
     return f"""{source(figures)}
