@@ -93,13 +93,14 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("commit", help="the earlier one")
+    parser.add_argument("--rows", nargs="+", choices=scenes.ROWS, default=SCENES, help="of Table 1")
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--size", type=int, default=512, help="pixels along the photographs")
     parser.add_argument("--resolution", type=int, default=256)
     parser.add_argument("--json", type=Path)
     args = parser.parse_args()
     before, rows = package_at(args.commit), []
-    for name in SCENES:
+    for name in args.rows:
         rows.append(measure(name, before, args.rounds, args.size, args.resolution))
         shared.write(args.json, {"before": args.commit, "rows": rows})
         print(results.table(HEAD, [cells(row) for row in rows]), flush=True)
