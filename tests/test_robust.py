@@ -303,6 +303,11 @@ def test_noise_that_nobody_heeds_is_refused(
     assert "--noise is '0.01,0'" in capsys.readouterr().err
 
 
+def test_noise_that_nobody_heeds_is_refused_from_python_too() -> None:
+    with pytest.raises(InputError, match=r"--noise is '0\.01,0' with --no-robust"):
+        ReconstructOptions(solve=SolveOptions(robust=False), noise=NoiseModel(0.01, 0.0))
+
+
 # ---- captures ------------------------------------------------------------------------------------
 def test_spoiled_replaces_the_share_asked_for() -> None:
     image = np.zeros((60, 60, 4), np.float32)

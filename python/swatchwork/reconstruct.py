@@ -58,6 +58,15 @@ class ReconstructOptions:
     interreflections: int = 0
     """Times to reconstruct anew under the light that the object, as then known, sends to itself."""
 
+    def __post_init__(self) -> None:
+        if self.noise is not None and not self.solve.robustly:
+            other = "--search-order paper" if self.solve.robust else "--no-robust"
+            raise InputError(
+                f"--noise is '{self.noise.read:g},{self.noise.gain:g}' with {other}",
+                expected="a fit that heeds noise",
+                hint="Leave one of the two out: this fit counts every point alike.",
+            )
+
 
 @dataclass(frozen=True)
 class Reconstruction:

@@ -242,12 +242,6 @@ def reconstruct(
     """
     if n is not None and N is not None and n > N:
         raise InputError(f"--n is {n} and --N is {N}", expected="n no larger than N")
-    if noise is not None and (not robust or search_order.value == "paper"):
-        raise InputError(
-            f"--noise is {noise!r} with {'--search-order paper' if robust else '--no-robust'}",
-            expected="a fit that heeds noise",
-            hint="Leave one of the two out: this fit counts every point alike.",
-        )
     use_threads(threads)
     from ..workflow import FrameOptions, NoiseModel, ReconstructOptions, SolveOptions, reconstruct_folder
 
