@@ -45,15 +45,12 @@ OTHERS = ["--resolution", "32", "--texels", "100", "--n", "1", "--N", "1"]
 """Of the older material, which the run is to replace."""
 
 TICKS = os.sysconf("SC_CLK_TCK")
-SINCE_START = ("utime", "stime")
 
 MAKE_CAPTURE = """
 import sys
 from swatchwork.simulate import simulate_capture
 simulate_capture(sys.argv[1], object_shape="blob", rows=16, k=3, test_views=2, size=48, materials=2)
 """
-
-Contents = dict[str, str]
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from .penalties import Penalties
 from .problem import Problem
 from .quick import quick
 from .robust import resume_robustly, solve_robustly
+from .robust_start import robust_start
 from .search import resume, solve
 from .solution import Outliers, Solution, Step
 from .trimming import Trimmed, settled_blend, trimmed_blend
@@ -36,6 +37,7 @@ __all__ = [
     "quick",
     "resume",
     "resume_robustly",
+    "robust_start",
     "settled_blend",
     "solve",
     "solve_robustly",

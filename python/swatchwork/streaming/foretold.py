@@ -19,8 +19,16 @@ from ..arrays import F32, F64, I64, Bool, dot, unit
 from ..observe import Lights, Rendering, stratified
 from ..reflectance import GenericBasis
 from ..response import representative_responses
-from ..solve import Alternation, Problem, SolveOptions, blend, quick, settled_blend, trimmed_blend
-from ..solve.robust_start import robust_start
+from ..solve import (
+    Alternation,
+    Problem,
+    SolveOptions,
+    blend,
+    quick,
+    robust_start,
+    settled_blend,
+    trimmed_blend,
+)
 
 TEXELS = 600
 """That the photographs are compared at."""
