@@ -31,6 +31,7 @@ import time
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import results
@@ -38,10 +39,10 @@ import two_of_four as tables
 
 from swatchwork.capture import read_capture, read_image, read_photograph
 from swatchwork.evaluate import nrms
-from swatchwork.observe import NoiseModel, noise_shares
+from swatchwork.observe import NoiseModel, Rendering, noise_shares, stratified
 from swatchwork.observe.noise import INTERPOLATED
 from swatchwork.reconstruct import ReconstructOptions
-from swatchwork.reflectance import basis_by_name
+from swatchwork.reflectance import GenericBasis, basis_by_name
 from swatchwork.simulate import (
     SyntheticProblem,
     satin_materials,
@@ -49,7 +50,10 @@ from swatchwork.simulate import (
     spoil_capture,
     two_of_four,
 )
-from swatchwork.solve import Problem, Solution, SolveOptions, solve_robustly
+from swatchwork.solve import Problem, Solution, SolveOptions, solve, solve_robustly
+from swatchwork.solve.trimming import VOTES
+from swatchwork.streaming import solve_on_subset
+from swatchwork.streaming.subset import VIEWED
 from swatchwork.workflow import reconstruct_folder, relight_folder
 
 PARTS = ("noise", "weighed", "outliers", "cost")
@@ -57,7 +61,8 @@ LEVELS = (0.0, 1.0, 2.0, 3.0, 5.0)
 READ = 0.5
 """Read noise, in % of the median measurement, for each % of multiplicative noise."""
 SHARE = 0.2
-CASES = ("clean", "spoilt", "spoilt, all counted")
+THRICE = "clean, without texels of one or two views"
+CASES = ("clean", THRICE, "spoilt", "spoilt, all counted")
 RESOLUTION, TEXELS, SIZE, VIEWS = 96, 1500, 128, 12
 REPEATS = 2
 
@@ -154,12 +159,14 @@ def outliers(args: argparse.Namespace) -> list[dict[str, Any]]:
                 spoil_capture(work / "spoilt", SHARE, seed)
                 for case in CASES:
                     start = time.process_time()
-                    summary = reconstruct_folder(
-                        work / case.split(",")[0],
-                        work / "material",
-                        options(robust=not case.endswith("counted")),
-                        viewer=False,
-                    )
+                    solver = seen_thrice if case == THRICE else solve_on_subset
+                    with mock.patch("swatchwork.reconstruct.solve_on_subset", solver):
+                        summary = reconstruct_folder(
+                            work / case.split(",")[0],
+                            work / "material",
+                            options(robust=not case.endswith("counted")),
+                            viewer=False,
+                        )
                     seconds = time.process_time() - start
                     error = novel(work / "material", work / "clean" / "test", work / "renders")
                     kept = ("n", "N", "misfit", "left_out", "undecided", "texels")
@@ -168,6 +175,17 @@ def outliers(args: argparse.Namespace) -> list[dict[str, Any]]:
                     rows.append(row | found)
                     print(rows[-1], flush=True)
     return rows
+
+
+def seen_thrice(
+    rendering: Rendering, basis: GenericBasis, texels: int, options: SolveOptions, *_: object
+) -> Solution:
+    """Representatives from the texels that enough views see for a majority; all texels are blended."""
+    chosen = stratified(rendering.observations, texels, options.seed)
+    pairs = rendering.pairs(chosen[rendering.observations.coverage[chosen] >= VOTES])
+    albedo = np.stack([basis.albedo(n_o) for n_o in VIEWED])
+    problem = Problem(rendering.generic(basis, pairs), pairs.radiance, pairs.offsets, albedo=albedo)
+    return solve(problem, options)
 
 
 def novel(material: Path, test: Path, renders: Path) -> float:

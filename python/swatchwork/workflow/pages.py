@@ -17,7 +17,7 @@ from ..interreflection import IndirectShare
 from ..light import Environment
 from ..material import Material
 from ..reconstruct import Reconstruction
-from ..relight import RelitScene, render
+from ..relight import RelitScene, render, see, shade
 from ..simulate import procedural_environment
 from ..streaming import Diagnosis
 from .costs import StageCost
@@ -35,7 +35,6 @@ from .pictures import (
 )
 
 SHOWN_VIEWS = 3
-RELIT_VIEWS = 2
 MADE_UP = (("a made-up room", "room"), ("a made-up sky", "sky"))
 """Lights that every material is shown under, beside its capture's."""
 KINDS = {"exposure": "its exposure", "pose": "its pose", "light": "its light", "disagrees": "it disagrees"}
@@ -81,7 +80,7 @@ def reconstruction_report(
         warnings=tuple(warnings),
         views=tuple(views),
         error_scale=ERROR_SCALE,
-        relit=under_other_lights(scene, cameras[:RELIT_VIEWS]),
+        relit=under_other_lights(scene, cameras[0]),
         spheres=spheres(
             found.basis, material, chosen[0].camera, environment_of(found, capture, chosen[0]), exposures[0]
         ),
@@ -127,13 +126,12 @@ def coverage_note(summary: dict[str, Any]) -> str:
     return " ".join(notes) or "Every point is in at least one photograph."
 
 
-def under_other_lights(scene: RelitScene, cameras: Sequence[Camera]) -> tuple[page.Picture, ...]:
-    """The material from each camera under each of the made-up lights."""
-    lights = [(name, procedural_environment(kind, 0, height=64)) for name, kind in MADE_UP]
+def under_other_lights(scene: RelitScene, camera: Camera) -> tuple[page.Picture, ...]:
+    """The material from one camera under each of the made-up lights."""
+    view = see(scene.rays, camera, samples=1)
     return tuple(
-        alone(f"under {name}", render(scene, camera, light, samples=1))
-        for name, light in lights
-        for camera in cameras
+        alone(f"under {name}", shade(scene, view, procedural_environment(kind, 0, height=64)))
+        for name, kind in MADE_UP
     )
 
 
