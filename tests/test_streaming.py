@@ -19,8 +19,7 @@ from swatchwork.reconstruct import ReconstructOptions, reconstruct
 from swatchwork.reflectance import basis_by_name
 from swatchwork.simulate import simulate_capture
 from swatchwork.solve import Problem, SolveOptions, resume, solve
-from swatchwork.streaming import Budget, blend_every_texel, subset
-from swatchwork.streaming import tiles as tiles_module
+from swatchwork.streaming import Budget, blend_every_texel, neighbours, subset
 from swatchwork.surface import SkyMasks
 
 
@@ -148,16 +147,16 @@ def test_unseen_texels_take_the_blend_of_a_near_seen_one(
     apart = np.linalg.norm(atlas.position(unseen)[:, None] - atlas.position(seen)[None], axis=2)
     index = found.blend.index.reshape(-1, 1)[atlas.pixel]
     np.testing.assert_array_equal(index[unseen], index[seen[apart.argmin(axis=1)]])
-    monkeypatch.setattr(tiles_module, "MANY", len(seen) // 4)
-    thinned = tiles_module._nearest(atlas, seen, unseen)
+    monkeypatch.setattr(neighbours, "MANY", len(seen) // 4)
+    thinned = neighbours.nearest(atlas, seen, unseen)
     nearest = np.linalg.norm(atlas.position(unseen) - atlas.position(thinned), axis=1)
     # Every fourth texel along a row is taken, so that the nearest of those is up to a few texels further.
     texel = np.sqrt(np.median(atlas.footprint(slice(None))))
     assert np.quantile(nearest - apart.min(axis=1), 0.95) < 4 * texel
     # Where few of the unseen are looked for, the others take what their neighbours found.
-    monkeypatch.setattr(tiles_module, "MANY", 1 << 18)
-    monkeypatch.setattr(tiles_module, "SOME", len(unseen) // 9)
-    from_neighbours = tiles_module._nearest(atlas, seen, unseen)
+    monkeypatch.setattr(neighbours, "MANY", 1 << 18)
+    monkeypatch.setattr(neighbours, "SOME", len(unseen) // 9)
+    from_neighbours = neighbours.nearest(atlas, seen, unseen)
     nearest = np.linalg.norm(atlas.position(unseen) - atlas.position(from_neighbours), axis=1)
     least = apart.min(axis=1)
     close = least < 2 * 3 * texel

@@ -128,7 +128,8 @@ def outliers(figures: dict[str, Any]) -> str:
     return f"""Captures of 12 photographs (128 pixels, GGX, 1 % noise and read noise), a fifth of the
 object's pixels replaced by blobs of another colour and by single bright pixels; a third of the samples are
 touched. *All counted* is `--no-robust`. *Undecided* are texels of whose views no two agree, or that one
-view sees: they have the blend of the nearest other. *Without texels of one or two views*: representatives of
+view sees: they have a neighbour's blend where a
+view agrees with it. *Without texels of one or two views*: representatives of
 the clean capture from the other texels alone, which is what a vote of three views can know at the most; all
 texels are blended from them. NRMS of clean test frames under another light.
 

@@ -17,6 +17,7 @@ from .quick import quick
 from .robust import resume_robustly, solve_robustly
 from .robust_start import robust_start
 from .search import resume, solve
+from .seconding import seconded
 from .solution import Outliers, Solution, Step
 from .trimming import Trimmed, settled_blend, trimmed_blend
 
@@ -38,6 +39,7 @@ __all__ = [
     "resume",
     "resume_robustly",
     "robust_start",
+    "seconded",
     "settled_blend",
     "solve",
     "solve_robustly",

@@ -17,7 +17,8 @@ LEAST = 2
 """Views that have to agree with one blend for a texel to be decided: one alone fits some blend or other. With
 a fifth of the pixels outliers (12 views of two synthetic objects), novel-light NRMS is 8.2 and 10.2 % so, 9.8
 and 15 % where one is enough, 7.8 and 10.4 % where it has to be the majority, and 17 and 35 % where undecided
-texels keep what they have; on clean photographs it is 6.3 and 8.0 %."""
+texels keep what they have; on clean photographs it is 6.3 and 8.0 %. All of that is with the nearest decided
+blend for the undecided, before neighbours.py."""
 
 
 @dataclass(frozen=True)
@@ -29,8 +30,13 @@ class Agreement:
     responses: F32
     """[P, N, 3] of the representatives, for all pairs."""
     trimmed: Trimmed
-    decided: Bool
-    """[T] whether enough views agree; what one view alone shows is never decided."""
+    agreeing: I64
+    """[T] views that agree with the texel's blend."""
+
+    @property
+    def decided(self) -> Bool:
+        """[T] whether enough views agree; what one view alone shows is never decided."""
+        return self.agreeing >= LEAST
 
     @property
     def kept(self) -> Pairs:
@@ -57,7 +63,7 @@ def agreement(
     )
     within = trimmed.deviation <= trimmed.bound
     agreeing = np.add.reduceat(within, pairs.offsets[:-1], dtype=np.int64)
-    return Agreement(pairs, responses, trimmed, agreeing >= LEAST)
+    return Agreement(pairs, responses, trimmed, agreeing)
 
 
 def only(pairs: Pairs, kept: Bool) -> Pairs:

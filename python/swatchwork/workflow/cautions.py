@@ -91,7 +91,7 @@ def warn_of_outliers(found: Reconstruction, capture: Capture) -> None:
     message = (
         f"{capture.file}: measurements that contradict those of the same point in other photographs were "
         f"left out: {each}; expected none. At {100 * undecided:.0f} % of the points no two photographs "
-        "agree, or there is but one, and the nearest point's blend stands in. Look for hands, flies, "
+        "agree, or there is but one, and a neighbouring point's blend stands in. Look for hands, flies, "
         "labels or reflections of the room in the photographs, mask them, or use --no-robust to count every "
         "measurement."
     )

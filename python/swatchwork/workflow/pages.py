@@ -121,7 +121,7 @@ def coverage_note(summary: dict[str, Any]) -> str:
     if undecided:
         notes.append(
             f"At {undecided:.1f} % no two photographs agree, or there is but one: they count as in none, and "
-            "have the nearest other's blend."
+            "have the blend of a neighbour that one agrees with, where there is one."
         )
     return " ".join(notes) or "Every point is in at least one photograph."
 
