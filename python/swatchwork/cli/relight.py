@@ -51,7 +51,13 @@ def relight(
     ] = 0,
     turntable_format: Annotated[Moving, typer.Option(help="File type of the turntable.")] = Moving.gif,
     samples: Annotated[
-        int, typer.Option(min=1, max=8, metavar="COUNT", help="Samples along a pixel's side (edges).")
+        int,
+        typer.Option(
+            min=1,
+            max=8,
+            metavar="COUNT",
+            help="Samples along a pixel's side at edges; more at rims of highlights.",
+        ),
     ] = 2,
     interreflections: Annotated[
         int | None,

@@ -7,17 +7,24 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
+from scipy import ndimage
 
-from ..arrays import F32, unit
+from ..arrays import F32, F64, I64, unit
 from ..capture import Camera
 from ..interreflection import IndirectLight
 from ..light import Environment
 from ..response import representative_responses
 from ..surface import facing
 from .scene import RelitScene
-from .view import View, see, surface_at
+from .view import View, closer, see, surface_at
 
 CELLS_AT_ONCE = 1 << 15
+PIXELS_AT_ONCE = 1 << 14
+CONTRAST = 0.4
+"""Difference over sum of neighbouring pixels' radiances from which both are shaded more finely; Mitchell
+(1987) has 0.4, 0.3 and 0.6 for red, green and blue. At 400 pixels that is a twentieth of the pixels of
+igea-merl; its error against `--samples 8` falls from 2.8 and 7.5 to 1.1 and 1.4 % (two test cameras), for
+1.3 and 1.7 times the time."""
 
 
 def render(
@@ -33,7 +40,8 @@ def render(
         scene: the material.
         camera: pinhole with or without lens distortion.
         environment: distant light.
-        samples: shadings along a pixel's side at edges; inside, half as many.
+        samples: shadings along a pixel's side at edges; inside, half as many. From 2 on, pixels that differ
+            from their neighbours (rims of highlights and shadows) have twice as many along a side.
         indirect: what ``scene.indirect`` gives for that light, to render interreflections.
     """
     return shade(scene, see(scene.rays, camera, samples), environment, indirect)
@@ -45,13 +53,36 @@ def shade(
     """Light a view, as `render`; the view may be kept for another light."""
     size = view.camera.width * view.camera.height
     image = np.zeros((size, 3))
+    _add_light(image, scene, view, environment, indirect)
+    if view.samples > 1:
+        pixels = _contrasting(image, view)
+        for start in range(0, len(pixels), PIXELS_AT_ONCE):
+            part = pixels[start : start + PIXELS_AT_ONCE]
+            image[part] = 0
+            _add_light(image, scene, closer(scene.rays, view, part), environment, indirect)
+    colour = image.reshape(view.camera.height, view.camera.width, 3).astype(np.float32)
+    return np.concatenate([colour, view.alpha[..., None]], axis=-1)
+
+
+def _add_light(
+    image: F64, scene: RelitScene, view: View, environment: Environment, indirect: IndirectLight | None
+) -> None:
+    """Add a view's cells to an image [H * W, 3]."""
     for start in range(0, len(view.pixel), CELLS_AT_ONCE):
         cells = slice(start, min(start + CELLS_AT_ONCE, len(view.pixel)))
         radiance = _radiance(scene, view, cells, environment, indirect) * view.share[cells, None]
         for c in range(3):
-            image[:, c] += np.bincount(view.pixel[cells], radiance[:, c], minlength=size)
-    colour = image.reshape(view.camera.height, view.camera.width, 3).astype(np.float32)
-    return np.concatenate([colour, view.alpha[..., None]], axis=-1)
+            image[:, c] += np.bincount(view.pixel[cells], radiance[:, c], minlength=len(image))
+
+
+def _contrasting(image: F64, view: View) -> I64:
+    """Pixels of the object whose surface is much brighter or darker than a neighbour's."""
+    alpha = view.alpha
+    on = alpha > 0
+    bright = image.mean(axis=1).reshape(on.shape) / np.where(on, alpha, 1)
+    high = ndimage.maximum_filter(np.where(on, bright, -np.inf), 3, mode="nearest")[on]
+    low = ndimage.minimum_filter(np.where(on, bright, np.inf), 3, mode="nearest")[on]
+    return np.flatnonzero(on)[high - low > CONTRAST * (high + low)]
 
 
 def _radiance(

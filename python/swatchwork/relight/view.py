@@ -43,6 +43,8 @@ class View:
     """[S] face of each hit."""
     bary: F64
     """[S, 3] where on it."""
+    samples: int = 1
+    """What `see` was asked for."""
 
     @property
     def alpha(self) -> F32:
@@ -69,7 +71,20 @@ def see(rays: RayScene, camera: Camera, samples: int = 2) -> View:
     refined = _cells(mesh, fine, edge, (samples, EDGE_RAYS), np.ones(len(edge), bool))
     pixel, share, count, face, bary = (np.concatenate([a, b]) for a, b in zip(plain, refined, strict=True))
     offsets = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
-    return View(camera, pixel, share, offsets, face, bary)
+    return View(camera, pixel, share, offsets, face, bary, samples)
+
+
+def closer(rays: RayScene, view: View, pixels: I64) -> View:
+    """Some pixels (row by row, rising) of a view by the rays of its edges, in cells of 2 x 2 of them.
+
+    Coverage is the same; a pixel has 2 samples x 2 samples cells, and more where the surface bends.
+    """
+    cells = view.samples * EDGE_RAYS // INNER_RAYS
+    hits = _cast(rays, view.camera, pixels, cells * INNER_RAYS)
+    found = _cells(rays.meshes[0], hits, pixels, (cells, INNER_RAYS), np.ones(len(pixels), bool))
+    pixel, share, count, face, bary = found
+    offsets = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
+    return View(view.camera, pixel, share, offsets, face, bary, view.samples)
 
 
 def cosine_map(rays: RayScene, camera: Camera) -> F32:
