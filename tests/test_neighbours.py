@@ -13,7 +13,8 @@ from swatchwork.reconstruct import Reconstruction, ReconstructOptions, reconstru
 from swatchwork.simulate import simulate_capture, spoil_capture, two_of_four
 from swatchwork.solve import Problem, SolveOptions, seconded
 from swatchwork.solve.trimming import BOUND, expected
-from swatchwork.streaming import Budget, TexelBlend, blend_every_texel
+from swatchwork.streaming import Agreement, Budget, agreement, blend_every_texel
+from swatchwork.streaming.neighbours import CANDIDATES, take_neighbours_blends
 
 FAST = SolveOptions(n=2, N=3, tolerance=0.02, max_alternations=40)
 pytestmark = pytest.mark.filterwarnings("ignore::swatchwork.errors.CaptureWarning")
@@ -74,35 +75,68 @@ def test_they_do_not_depend_on_the_tiles(spoilt: Reconstruction) -> None:
         np.testing.assert_array_equal(getattr(small, name), getattr(spoilt.blend, name))
 
 
-def test_an_undecided_texel_has_a_blend_that_a_view_agrees_with(spoilt: Reconstruction) -> None:
-    texels = spoilt.blend.undecided
-    agrees = views_agreeing(spoilt, spoilt.blend, texels)
+def test_undecided_texels_take_the_neighbours_blend_that_agrees_best(spoilt: Reconstruction) -> None:
+    """Each texel's 32 nearest decided ones by all distances, and their costs one after the other."""
+    blend, atlas, texels = spoilt.blend, spoilt.observations.atlas, spoilt.blend.undecided
+    index, weight = blend.index.reshape(-1, 2), blend.weight.reshape(-1, 2)
     decided = np.setdiff1d(spoilt.observations.seen, texels)
-    # Those of which no view agrees with anything are few, and have a decided or settled texel's blend.
-    assert 0.5 < (agrees > 0).mean() < 1
-    pixel = spoilt.observations.atlas.pixel
-    of = spoilt.blend.weight.reshape(-1, 2)
-    others = np.concatenate([decided, texels[agrees > 0]])
-    everywhere = {row.tobytes() for row in of[pixel[others]]}
-    assert all(of[pixel[t]].tobytes() in everywhere for t in texels[agrees == 0])
-    assert not spoilt.blend.residual.reshape(-1)[pixel[texels]].any()
-
-
-def views_agreeing(found: Reconstruction, blend: TexelBlend, texels: np.ndarray) -> np.ndarray:
-    """How many views of each texel agree with its blend, one texel after the other."""
-    outliers = found.solution.outliers
-    assert outliers is not None
-    pairs = found.rendering.pairs(texels)
-    responses = found.rendering.representatives(found.basis, found.solution.representatives, pairs)
-    size: F64 = expected(pairs.radiance, pairs.offsets, found.observations.typical)
-    pixel, n = found.observations.atlas.pixel, blend.index.shape[-1]
-    index, weight = blend.index.reshape(-1, n), blend.weight.reshape(-1, n)
-    counts = []
+    assert spoilt.solution.outliers is not None
+    vote = agreement(
+        spoilt.rendering, spoilt.basis, spoilt.solution, texels.astype(np.int64), FAST.search, FAST.seed
+    )
+    size: F64 = expected(vote.pairs.radiance, vote.pairs.offsets, spoilt.observations.typical)
+    bound = BOUND * spoilt.solution.outliers.scale
+    kinds = {"taken": 0, "own": 0, "nearest": 0}
     for m, texel in enumerate(texels):
-        rows = slice(pairs.offsets[m], pairs.offsets[m + 1])
-        fitted = sum(
-            float(weight[pixel[texel], s]) * responses[rows, index[pixel[texel], s]] for s in range(n)
-        )
-        off = np.linalg.norm(fitted - pairs.radiance[rows], axis=1) / size[rows]
-        counts.append(int((off <= BOUND * outliers.scale).sum()))
-    return np.array(counts)
+        apart = np.linalg.norm(atlas.position(decided) - atlas.position(np.array([texel])), axis=1)
+        near = decided[np.argsort(apart, kind="stable")[:CANDIDATES]]
+        rows = slice(vote.pairs.offsets[m], vote.pairs.offsets[m + 1])
+        off = np.array([off_by(vote, rows, index[p], weight[p]) for p in atlas.pixel[near]]) / size[rows]
+        cost = (np.minimum(off / bound, 1) ** 2).sum(axis=1)
+        has = index[atlas.pixel[texel]], weight[atlas.pixel[texel]]
+        if (off <= bound).any():
+            kinds["taken"] += 1
+            # Of equals any: what the tree gives first of two texels as near is its own matter.
+            best = atlas.pixel[near[cost <= cost.min() + 1e-6]]
+            assert any((index[p] == has[0]).all() and (weight[p] == has[1]).all() for p in best)
+        elif vote.agreeing[m]:
+            kinds["own"] += 1
+            np.testing.assert_array_equal(has[0], vote.trimmed.blend.index[m])
+            np.testing.assert_array_equal(has[1], vote.trimmed.blend.weight[m])
+        else:
+            kinds["nearest"] += 1
+    assert min(kinds["taken"], kinds["nearest"]) > 30
+    assert not blend.residual.reshape(-1)[atlas.pixel[texels]].any()
+
+
+def off_by(vote: Agreement, rows: slice, index: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Lengths of the residuals of a texel's views, one blend for all."""
+    fitted = np.einsum("n,pnc->pc", weight.astype(np.float64), vote.responses[rows][:, index])
+    return np.linalg.norm(fitted - vote.pairs.radiance[rows], axis=1)
+
+
+def test_one_decided_texel_is_every_neighbour(spoilt: Reconstruction) -> None:
+    atlas, blend = spoilt.observations.atlas, spoilt.blend
+    decided = np.setdiff1d(spoilt.observations.seen, blend.undecided)[:1]
+    images = blend.index.reshape(-1, 2).copy(), blend.weight.reshape(-1, 2).copy()
+    given = take_neighbours_blends(
+        spoilt.rendering, spoilt.basis, spoilt.solution, blend.undecided, decided, images, 1000
+    )
+    assert given.any()
+    for image in images:
+        taken = image[atlas.pixel[blend.undecided[given]]]
+        np.testing.assert_array_equal(taken, np.broadcast_to(image[atlas.pixel[decided]], taken.shape))
+
+
+def test_where_nothing_is_decided_texels_keep_what_a_view_agrees_with(
+    spoilt: Reconstruction, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("swatchwork.streaming.tiles.LEAST", 255)
+    blend = blend_every_texel(spoilt.rendering, spoilt.basis, spoilt.solution, FAST.search, FAST.seed)
+    seen = spoilt.observations.seen.astype(np.int64)
+    np.testing.assert_array_equal(blend.undecided, seen)
+    vote = agreement(spoilt.rendering, spoilt.basis, spoilt.solution, seen, FAST.search, FAST.seed)
+    kept = vote.agreeing > 0
+    assert kept.any()
+    at = spoilt.observations.atlas.pixel[seen[kept]]
+    np.testing.assert_array_equal(blend.weight.reshape(-1, 2)[at], vote.trimmed.blend.weight[kept])

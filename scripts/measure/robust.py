@@ -52,8 +52,7 @@ from swatchwork.simulate import (
 )
 from swatchwork.solve import Problem, Solution, SolveOptions, solve, solve_robustly
 from swatchwork.solve.trimming import VOTES
-from swatchwork.streaming import solve_on_subset
-from swatchwork.streaming.subset import VIEWED
+from swatchwork.streaming import VIEWED, solve_on_subset
 from swatchwork.workflow import reconstruct_folder, relight_folder
 
 PARTS = ("noise", "weighed", "outliers", "cost")
@@ -180,7 +179,7 @@ def outliers(args: argparse.Namespace) -> list[dict[str, Any]]:
 def seen_thrice(
     rendering: Rendering, basis: GenericBasis, texels: int, options: SolveOptions, *_: object
 ) -> Solution:
-    """Representatives from the texels that enough views see for a majority; all texels are blended."""
+    """Representatives from the drawn texels that enough views see to outvote one; no survey, all blended."""
     chosen = stratified(rendering.observations, texels, options.seed)
     pairs = rendering.pairs(chosen[rendering.observations.coverage[chosen] >= VOTES])
     albedo = np.stack([basis.albedo(n_o) for n_o in VIEWED])

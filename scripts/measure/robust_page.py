@@ -118,20 +118,14 @@ def outliers(figures: dict[str, Any]) -> str:
                     f"{run['cpu_seconds']:.0f}",
                 ]
             )
-        thrice = of.get("clean, without texels of one or two views")
-        if thrice:
-            ratio = of["spoilt"]["nrms"] / thrice["nrms"]
-            verdicts.append(
-                (f"{shape}, seed {seed}: spoilt over clean of three views and more", ratio, SPOILT, "")
-            )
     head = ["capture", "n, N", "NRMS %", "over clean", "left out %", "undecided %", "CPU s"]
     return f"""Captures of 12 photographs (128 pixels, GGX, 1 % noise and read noise), a fifth of the
 object's pixels replaced by blobs of another colour and by single bright pixels; a third of the samples are
 touched. *All counted* is `--no-robust`. *Undecided* are texels of whose views no two agree, or that one
-view sees: they have a neighbour's blend where a
-view agrees with it. *Without texels of one or two views*: representatives of
-the clean capture from the other texels alone, which is what a vote of three views can know at the most; all
-texels are blended from them. NRMS of clean test frames under another light.
+view sees: they have a neighbour's blend that a view agrees with, else their own that one agrees with, else
+the nearest. *Without texels of one or two views*: representatives of the clean capture from those of the
+drawn texels that three views see, the fewest that can outvote an outlier; all texels are blended from them.
+NRMS of clean test frames under another light.
 
 {results.verdicts(verdicts)}
 

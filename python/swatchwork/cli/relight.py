@@ -56,7 +56,7 @@ def relight(
             min=1,
             max=8,
             metavar="COUNT",
-            help="Samples along a pixel's side at edges; more at rims of highlights.",
+            help="Samples along a pixel's side at edges; from 2 on, more at rims of highlights and shadows.",
         ),
     ] = 2,
     interreflections: Annotated[

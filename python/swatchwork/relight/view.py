@@ -43,7 +43,7 @@ class View:
     """[S] face of each hit."""
     bary: F64
     """[S, 3] where on it."""
-    samples: int = 1
+    samples: int
     """What `see` was asked for."""
 
     @property
@@ -75,9 +75,10 @@ def see(rays: RayScene, camera: Camera, samples: int = 2) -> View:
 
 
 def closer(rays: RayScene, view: View, pixels: I64) -> View:
-    """Some pixels (row by row, rising) of a view by the rays of its edges, in cells of 2 x 2 of them.
+    """Some pixels (row by row, rising) of a view by as many rays as its edges have, in cells of 2 x 2.
 
-    Coverage is the same; a pixel has 2 samples x 2 samples cells, and more where the surface bends.
+    A pixel has 2 samples x 2 samples cells, and more where the surface bends. Inside the object these rays
+    may see less of it than the view's few did (a crack, a wire before it): its coverage is the better one.
     """
     cells = view.samples * EDGE_RAYS // INNER_RAYS
     hits = _cast(rays, view.camera, pixels, cells * INNER_RAYS)

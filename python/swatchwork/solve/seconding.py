@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..arrays import F32, F64, I64, U8
-from .trimming import BOUND, deviations, expected
+from .trimming import BOUND, blended, deviations, expected
 
 
 def seconded(
@@ -32,15 +32,11 @@ def seconded(
     """
     size = expected(radiance, offsets, usual)
     texel = np.repeat(np.arange(len(index)), np.diff(offsets))
-    row = np.arange(len(texel))
     best, agreeing = np.zeros(len(index), np.int64), np.zeros(len(index), np.int64)
     least: F64 = np.full(len(index), np.inf)
     # Candidate by candidate: all at once would take K times the responses' memory.
     for k in range(index.shape[1]):
-        fitted = np.zeros(radiance.shape)
-        for slot in range(index.shape[2]):
-            share = weight[texel, k, slot].astype(np.float64)
-            fitted += share[:, None] * responses[row, index[texel, k, slot]]
+        fitted = blended(responses, index[texel, k], weight[texel, k])
         off = deviations(fitted, radiance, size) / (BOUND * scale)
         cost = np.add.reduceat(np.minimum(off, 1) ** 2, offsets[:-1])
         better = cost < least

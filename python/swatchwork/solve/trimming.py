@@ -15,7 +15,7 @@ from itertools import combinations
 
 import numpy as np
 
-from ..arrays import F32, F64, I64, Bool
+from ..arrays import F32, F64, I64, U8, U32, Bool
 from .blending import Search, SparseBlend, sparse_blend
 
 BOUND = 6.0
@@ -85,6 +85,14 @@ def medians(values: F64, offsets: I64) -> F64:
     """The lower median [M] of each texel's values [P]."""
     order = np.lexsort((values, np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))))
     return np.asarray(values[order][offsets[:-1] + (np.diff(offsets) - 1) // 2])
+
+
+def blended(responses: F32, index: U8 | U32 | I64, weight: F32) -> F64:
+    """What blends [P, n] of representatives give [P, 3], from the responses [P, N, 3] of all."""
+    fitted, row = np.zeros((len(responses), 3)), np.arange(len(responses))
+    for slot in range(index.shape[1]):
+        fitted += weight[:, slot, None].astype(np.float64) * responses[row, index[:, slot]]
+    return fitted
 
 
 def deviations(fitted: F64, radiance: F32, scale: F64) -> F64:
@@ -214,8 +222,4 @@ def _refitted(
         responses * on[:, None, None], radiance * on[:, None], offsets, n, search=search, seed=seed
     )
     texel = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
-    fitted = np.zeros(radiance.shape)
-    for slot in range(found.index.shape[1]):
-        weight = found.weight[texel, slot].astype(np.float64)
-        fitted += weight[:, None] * responses[np.arange(len(texel)), found.index[texel, slot]]
-    return found, deviations(fitted, radiance, size)
+    return found, deviations(blended(responses, found.index[texel], found.weight[texel]), radiance, size)

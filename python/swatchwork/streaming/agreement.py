@@ -14,11 +14,11 @@ from ..reflectance import GenericBasis
 from ..solve import Search, Solution, Trimmed, trimmed_blend
 
 LEAST = 2
-"""Views that have to agree with one blend for a texel to be decided: one alone fits some blend or other. With
-a fifth of the pixels outliers (12 views of two synthetic objects), novel-light NRMS is 8.2 and 10.2 % so, 9.8
-and 15 % where one is enough, 7.8 and 10.4 % where it has to be the majority, and 17 and 35 % where undecided
-texels keep what they have; on clean photographs it is 6.3 and 8.0 %. All of that is with the nearest decided
-blend for the undecided, before neighbours.py."""
+"""Views that have to agree with one blend for a texel to be decided: one alone fits some blend or other.
+With a fifth of the pixels outliers (12 views of two synthetic objects), and the nearest decided blend for
+the others, novel-light NRMS is 8.2 and 10.2 % so, 9.8 and 15 % where one is enough, 7.8 and 10.4 % where
+it has to be the majority, and 17 and 35 % where the others keep what they have; on clean photographs it
+is 6.3 and 8.0 %."""
 
 
 @dataclass(frozen=True)

@@ -26,9 +26,9 @@ class TexelBlend:
     """The blend of every texel, as images over the atlas.
 
     A texel that no view sees takes the blend of the nearest other, a pixel of the gutter that of its nearest
-    texel. One of which outliers leave too few views to vote takes a neighbour's that a view of it agrees
-    with, else one of its own that a view agrees with, else the nearest other's too. They are images from the
-    start, for a second copy of them would be most of a large atlas's memory.
+    texel. One of which no two views agree, or that one view sees, takes a neighbour's that a view agrees with
+    where there are outliers, else one of its own that a view agrees with, else the nearest other's too. They
+    are images from the start, for a second copy of them would be most of a large atlas's memory.
     """
 
     index: U8
@@ -76,7 +76,7 @@ def blend_every_texel(
     index, weight = (np.zeros((size * size, n), dtype=kind) for kind in (np.uint8, np.float32))
     residual = np.zeros(size * size, dtype=np.float32)
     pairs_at_once = (budget or Budget()).tile(solution.N)
-    agreeing = np.where(observations.coverage > 0, LEAST, 0).astype(np.uint8)
+    agreeing = (observations.coverage > 0) * np.uint8(LEAST)
     counts = np.zeros((2, len(observations.viewer)), dtype=np.int64)
     with progress.stage("Blending texels", len(seen)) as task:
         for number, tile in enumerate(rendering.tiles(seen, pairs_at_once)):
@@ -91,20 +91,21 @@ def blend_every_texel(
             task.advance(len(tile))
     decided = agreeing >= LEAST
     undecided = seen[~decided[seen]].astype(np.int64)
-    settled = agreeing > 0
+    given = agreeing > 0
     if len(undecided) and decided.any():
-        settled[undecided] |= take_neighbours_blends(
+        given[undecided] |= take_neighbours_blends(
             rendering,
             basis,
             solution,
             undecided,
-            np.flatnonzero(decided),
+            np.flatnonzero(decided).astype(np.int32),
             (index, weight),
             pairs_at_once,
             progress,
         )
-    # Where no texel at all is settled, all keep what fits them best: there is nothing better to take.
-    given = settled if settled.any() else observations.coverage > 0
+    # Where nothing agrees anywhere, all keep what fits them best: there is nothing better to take.
+    if not given.any():
+        given = observations.coverage > 0
     unseen = np.flatnonzero(~given)
     if len(unseen):
         at, source = pixel[unseen], pixel[nearest(atlas, np.flatnonzero(given).astype(np.int32), unseen)]

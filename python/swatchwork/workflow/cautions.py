@@ -91,8 +91,8 @@ def warn_of_outliers(found: Reconstruction, capture: Capture) -> None:
     message = (
         f"{capture.file}: measurements that contradict those of the same point in other photographs were "
         f"left out: {each}; expected none. At {100 * undecided:.0f} % of the points no two photographs "
-        "agree, or there is but one, and a neighbouring point's blend stands in. Look for hands, flies, "
-        "labels or reflections of the room in the photographs, mask them, or use --no-robust to count every "
-        "measurement."
+        "agree, or there is but one, and a neighbouring point's blend that one agrees with stands in, where "
+        "there is one. Look for hands, flies, labels or reflections of the room in the photographs, mask "
+        "them, or use --no-robust to count every measurement."
     )
     warnings.warn(CaptureWarning(message), stacklevel=3)

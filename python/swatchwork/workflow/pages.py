@@ -53,7 +53,7 @@ def reconstruction_report(
     used = np.flatnonzero(~found.frames.left_out)
     chosen = [capture.frames[used[i]] for i in spread(len(used), SHOWN_VIEWS)]
     scene = relit(found)
-    views, exposures, cameras = [], [], []
+    views, exposures = [], []
     for frame in chosen:
         photograph, camera = at_page_size(read_photograph(frame), frame.camera, found.mesh)
         light = environment_of(found, capture, frame)
@@ -65,7 +65,6 @@ def reconstruction_report(
         )
         views.append(comparison)
         exposures.append(exposure)
-        cameras.append(camera)
     first = views[0]
     photographs = _count(summary["views"], "photograph")
     small = thinned(material)
@@ -80,7 +79,7 @@ def reconstruction_report(
         warnings=tuple(warnings),
         views=tuple(views),
         error_scale=ERROR_SCALE,
-        relit=under_other_lights(scene, cameras[0]),
+        relit=under_other_lights(scene, camera),
         spheres=spheres(
             found.basis, material, chosen[0].camera, environment_of(found, capture, chosen[0]), exposures[0]
         ),
@@ -116,7 +115,7 @@ def coverage_note(summary: dict[str, Any]) -> str:
     notes = []
     if unseen:
         notes.append(
-            f"{unseen:.1f} % of the points are in no photograph; their blend is the nearest seen one's."
+            f"{unseen:.1f} % of the points are in no photograph; their blend is the nearest other's."
         )
     if undecided:
         notes.append(

@@ -71,7 +71,7 @@ def relight_folder(
         rotation: world axis ("x", "y", "z") and degrees to turn the light by, right-handed.
         turntable_frames: also turn the object once before the first camera, in so many pictures.
         turntable_format: "gif" or "mp4".
-        samples: samples along a pixel's side.
+        samples: as `swatchwork.relight.render` takes them.
         interreflections: times that light may go on from the object to the object; by default ``BOUNCES`` for
             a material that was recovered with them, else 0. The turntable goes without.
 
