@@ -10,8 +10,8 @@ noise     two blended of four materials, 0 to 5 % of noise times, and half as ma
 weighed   the same at its most noise, every point counted alike and by its noise as the pipeline does
           (swatchwork.observe.noise_shares, from the noise that was added): novel-light NRMS of both
 outliers  whole captures, a fifth of the object's pixels replaced by blobs of another colour and by spikes
-          (swatchwork.simulate.spoil_capture): NRMS of the clean ones, of the spoilt, and of the spoilt
-          with every measurement counted
+          (swatchwork.simulate.spoil_capture): NRMS of the clean ones, of the clean with representatives
+          from texels of three views and more, of the spoilt, and of the spoilt with every measurement counted
 cost      a clean capture with and without --robust, by turns, a process each: CPU seconds, peak memory, and
           whether the materials are the same, bit for bit
 
@@ -179,7 +179,10 @@ def outliers(args: argparse.Namespace) -> list[dict[str, Any]]:
 def seen_thrice(
     rendering: Rendering, basis: GenericBasis, texels: int, options: SolveOptions, *_: object
 ) -> Solution:
-    """Representatives from the drawn texels that enough views see to outvote one; no survey, all blended."""
+    """Representatives from the drawn texels that enough views see to outvote one; all are blended.
+
+    Without the noise weights and the survey of `solve_on_subset`.
+    """
     chosen = stratified(rendering.observations, texels, options.seed)
     pairs = rendering.pairs(chosen[rendering.observations.coverage[chosen] >= VOTES])
     albedo = np.stack([basis.albedo(n_o) for n_o in VIEWED])

@@ -124,8 +124,9 @@ object's pixels replaced by blobs of another colour and by single bright pixels;
 touched. *All counted* is `--no-robust`. *Undecided* are texels of whose views no two agree, or that one
 view sees: they have a neighbour's blend that a view agrees with, else their own that one agrees with, else
 the nearest. *Without texels of one or two views*: representatives of the clean capture from those of the
-drawn texels that three views see, the fewest that can outvote an outlier; all texels are blended from them.
-NRMS of clean test frames under another light.
+drawn texels that three views see, the fewest that can outvote an outlier, without weights of noise and
+without the survey for what they miss; all texels are blended from them. NRMS of clean test frames under
+another light.
 
 {results.verdicts(verdicts)}
 
